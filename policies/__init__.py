@@ -1,0 +1,1 @@
+"""From Command and State to Target: how that is computed, learnt and judged."""

@@ -1,0 +1,65 @@
+"""What an operator asks of the robot, whichever device it came from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+SIZE = 36
+"""Numbers in a command's vector: engage 1, twist 3, posture 3, wrists 2 x 7, hands 2 x 6, neck 2, waist yaw 1."""
+
+
+def _identity_wrists() -> np.ndarray:
+    return np.array([[0.3, 0.25, 0.05, 1, 0, 0, 0], [0.3, -0.25, 0.05, 1, 0, 0, 0]], dtype=float)
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command. Policies own it; every input makes it, the guard passes it on, the recording keeps it."""
+
+    engage: bool = False
+    """The operator holds the enable."""
+    twist: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    """Forward velocity, leftward velocity [m/s] and yaw rate [rad/s] in the heading frame [3]."""
+    height: float = 1.0
+    """Pelvis height above the floor [m]."""
+    roll: float = 0.0
+    """Lean of the pelvis to its right [rad]."""
+    pitch: float = 0.0
+    """Lean of the pelvis forward [rad]."""
+    wrists: np.ndarray = field(default_factory=_identity_wrists)
+    """Left and right wrist: position [m] and quaternion wxyz in the pelvis frame [2, 7]."""
+    hands: np.ndarray = field(default_factory=lambda: np.zeros((2, 6)))
+    """Left and right hand: thumb yaw, thumb pitch, index, middle, ring, pinky; 0 open, 1 closed [2, 6]."""
+    neck: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.3]))
+    """Neck yaw and pitch [2], rad."""
+    waist: float = 0.0
+    """Waist yaw [rad]."""
+
+    def vector(self) -> np.ndarray:
+        """All numbers as float64 [SIZE]: for shared memory, recordings and finite-checks."""
+        scalars = (self.height, self.roll, self.pitch)
+        return np.concatenate([[float(self.engage)], self.twist, scalars, self.wrists.ravel(), self.hands.ravel(), self.neck, [self.waist]])
+
+    @staticmethod
+    def from_vector(row: np.ndarray) -> Command:
+        """The command whose `vector` is row [SIZE]."""
+        if row.shape != (SIZE,):
+            raise ValueError(f"a command has {SIZE} numbers, not an array of shape {row.shape}")
+        row = np.array(row, dtype=float)
+        return Command(
+            engage=bool(row[0] > 0.5),
+            twist=row[1:4],
+            height=float(row[4]),
+            roll=float(row[5]),
+            pitch=float(row[6]),
+            wrists=row[7:21].reshape(2, 7),
+            hands=row[21:33].reshape(2, 6),
+            neck=row[33:35],
+            waist=float(row[35]),
+        )
+
+    def still(self) -> Command:
+        """The same posture with no velocity asked for."""
+        return replace(self, twist=np.zeros(3))

@@ -1,0 +1,62 @@
+"""One simulated robot: a Target goes in, physics steps, a State comes out."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from robots.catalog import Robot, Variant
+from robots.errors import PhysicsDiverged
+from robots.senses import Senses
+from robots.state import State
+from robots.target import Target
+
+
+class Plant:
+    """A robot standing at home, stepped one policy tick (1 / `policy_rate`) at a time."""
+
+    def __init__(self, robot: Robot, variant: Variant = "play") -> None:
+        self.spec = robot.spec
+        self.model = robot.model(variant)
+        self.data = mujoco.MjData(self.model)
+        self.substeps = round(1 / (robot.spec.policy_rate * self.model.opt.timestep))
+        self._senses = Senses(self.model, robot.spec)
+        self.reset()
+
+    def reset(self) -> State:
+        """Back to the home key frame at time 0."""
+        mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("home").id)
+        mujoco.mj_forward(self.model, self.data)
+        return self.state()
+
+    def state(self) -> State:
+        """What the robot senses now."""
+        d = self.data
+        return self._senses.read(np.array(d.time), d.qpos, d.qvel, d.sensordata)
+
+    def step(self, target: Target) -> State:
+        """Aim the motors and simulate one tick.
+
+        Raises:
+            PhysicsDiverged: MuJoCo raised a warning, a number is not finite or time did not advance.
+        """
+        before, warned = self.data.time, self.data.warning.number.sum()
+        self.data.ctrl[:] = target.q[: self.model.nu]
+        mujoco.mj_step(self.model, self.data, nstep=self.substeps)
+        finite = np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()
+        if not finite or self.data.time <= before or self.data.warning.number.sum() > warned:
+            raise PhysicsDiverged(f"the simulation diverged at t = {before:.2f} s")
+        return self.state()
+
+    def save(self) -> np.ndarray:
+        """The full integration state, for `restore` and for recordings."""
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        row = np.empty(mujoco.mj_stateSize(self.model, kind))
+        mujoco.mj_getState(self.model, self.data, row, kind)
+        return row
+
+    def restore(self, row: np.ndarray) -> State:
+        """Continue from a row that `save` returned, bit for bit."""
+        mujoco.mj_setState(self.model, self.data, row, mujoco.mjtState.mjSTATE_INTEGRATION)
+        mujoco.mj_forward(self.model, self.data)
+        return self.state()
