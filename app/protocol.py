@@ -1,0 +1,222 @@
+"""The wire, declared once: what a page or a script sends and what it gets back. Served as schemas at /docs.
+
+Not a number, infinities, non-unit quaternions and unknown fields never pass.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
+
+VERSION = 1
+"""Of this wire; a page that meets another number reloads itself."""
+
+State = Literal["STOPPED", "HOLD", "ENGAGED", "FAULT"]
+Vector3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+Fraction = Annotated[FiniteFloat, Field(ge=0, le=1)]
+
+
+def _unit(q: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    if abs(math.sqrt(sum(x * x for x in q)) - 1) > 0.01:
+        raise ValueError("a quaternion (w, x, y, z) has length 1")
+    return q
+
+
+Quaternion = Annotated[tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat], AfterValidator(_unit)]
+
+
+class Wire(BaseModel):
+    """Everything on the wire: no unknown fields."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Pose(Wire):
+    """Of a wrist, in the pelvis frame: x forward, y left, z up."""
+
+    position: Vector3
+    """m"""
+    quaternion: Quaternion
+    """w, x, y, z"""
+
+
+class Twist(Wire):
+    """Velocity in the heading frame."""
+
+    vx: FiniteFloat = 0.0
+    """Forward [m/s]."""
+    vy: FiniteFloat = 0.0
+    """To the left [m/s]."""
+    yaw_rate: FiniteFloat = 0.0
+    """Counter-clockwise [rad/s]."""
+
+
+class Wrists(Wire):
+    """Targets; a wrist that is left out keeps its newest one."""
+
+    left: Pose | None = None
+    right: Pose | None = None
+
+
+class Hands(Wire):
+    """Thumb yaw, thumb pitch, index, middle, ring, pinky; 0 open, 1 closed."""
+
+    left: Annotated[tuple[Fraction, ...], Field(min_length=6, max_length=6)] | None = None
+    right: Annotated[tuple[Fraction, ...], Field(min_length=6, max_length=6)] | None = None
+
+
+class Neck(Wire):
+    """Where the head looks."""
+
+    yaw: FiniteFloat = 0.0
+    """rad, to the left"""
+    pitch: FiniteFloat = 0.0
+    """rad, down"""
+
+
+class OperatorMessage(Wire):
+    """What a client of WS /api/operator sends, at 20 Hz or faster: the message is the heartbeat.
+
+    A field that is left out keeps its newest value. Who sends neither `engage` nor a drive field only watches.
+    """
+
+    seq: Annotated[int, Field(ge=0, lt=2**53)]
+    """Any growing number; the answer repeats the newest one."""
+    engage: bool | None = None
+    """Whether the enable is held. Only a fresh press (false, then true) engages."""
+    twist: Twist | None = None
+    height: FiniteFloat | None = None
+    """Pelvis above the floor [m]."""
+    roll: FiniteFloat | None = None
+    """Lean to the right [rad]."""
+    pitch: FiniteFloat | None = None
+    """Lean forward [rad]."""
+    wrists: Wrists | None = None
+    hands: Hands | None = None
+    neck: Neck | None = None
+    waist: FiniteFloat | None = None
+    """Waist yaw [rad]."""
+    take: bool = False
+    """Take the lease from whoever drives; the robot holds until the next fresh press."""
+    name: Annotated[str, Field(min_length=1, max_length=40)] | None = None
+    """How others see this client; otherwise it is numbered."""
+
+    @property
+    def drives(self) -> bool:
+        """Whether this message asks for the lease when it is free."""
+        fields = (self.twist, self.height, self.roll, self.pitch, self.wrists, self.hands, self.neck, self.waist)
+        return bool(self.engage) or any(field is not None for field in fields)
+
+
+class Percentiles(Wire):
+    """Over the last 10 s [ms]."""
+
+    p50: float
+    p99: float
+
+
+class Base(Wire):
+    """The pelvis in the world; velocities in the heading frame."""
+
+    x: float
+    y: float
+    z: float
+    yaw: float
+    roll: float
+    pitch: float
+    vx: float
+    vy: float
+    yaw_rate: float
+
+
+class Applied(Wire):
+    """The legs' command after the guard."""
+
+    vx: float
+    vy: float
+    yaw_rate: float
+    height: float
+    roll: float
+    pitch: float
+
+
+class Wrist(Wire):
+    """One wrist, in the pelvis frame."""
+
+    target: Pose
+    """What is asked."""
+    reachable: Pose
+    """The nearest pose the arm can take."""
+    actual: Pose
+    """Where it is."""
+    limited_by: str
+    """Why reachable is not target: limit, collision, reach or failed; empty when it is."""
+    let_go: bool
+    """The target jumped: the arm holds until the target comes back or Engage is pressed again."""
+
+
+class BothWrists(Wire):
+    left: Wrist
+    right: Wrist
+
+
+class Latency(Wire):
+    """Medians over the last 10 s, a stage each [ms]."""
+
+    queue: float
+    """From the arrival of the operator's message to the tick that read it."""
+    ik: float
+    policy: float
+    physics: float
+    publish: float
+    lateness: float
+
+
+class Health(Wire):
+    """GET /api/health."""
+
+    version: int = VERSION
+    state: State
+    reason: str
+    """Why the state is what it is, as a sentence."""
+    robot: str
+    policy: str
+    time: float
+    """Simulated seconds."""
+    real_time_factor: float
+    """Simulated seconds a second, over the last 10 s."""
+    ticks: int
+    missed: int
+    """Ticks that were skipped because the simulation was late."""
+    lateness_ms: Percentiles
+    ik_ms: Percentiles
+    latency_ms: Latency
+    scheduler: str
+    """What the simulation process runs under: fifo, nice or normal."""
+    upright: bool
+    base: Base
+    command: Applied
+    wrists: BothWrists
+    driver: str | None
+    """Who holds the lease."""
+    clients: int
+    """Open operator sockets."""
+    rejected: int
+    """Messages and commands that were refused."""
+    recording: str | None = None
+    """The episode being recorded."""
+
+
+class Answer(Health):
+    """What WS /api/operator sends, at 20 Hz: the health record and this client's own part."""
+
+    seq: int
+    """Of the newest message read from this client; -1 before the first."""
+    you: str
+    """This client's name."""
+    driving: bool
+    """Whether this client holds the lease."""
+    error: str | None = None
+    """Why a message of this client was refused since the last answer."""
