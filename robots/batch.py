@@ -25,7 +25,7 @@ class Fleet:
         self.qpos, self.qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self.ctrl, self.time = self.batch.bind("ctrl"), self.batch.bind("time")
         self._sensordata = self.batch.bind("sensordata")
-        self._senses = Senses(self.model, robot.spec)
+        self.senses = Senses(self.model, robot.spec)
         self.home = self.model.key("home").qpos.copy()
 
     def reset(self, mask: np.ndarray) -> None:
@@ -41,7 +41,7 @@ class Fleet:
 
     def state(self) -> State:
         """What every robot senses now."""
-        return self._senses.read(self.time.reshape(self.count), self.qpos, self.qvel, self._sensordata)
+        return self.senses.read(self.time.reshape(self.count), self.qpos, self.qvel, self._sensordata)
 
     @property
     def finite(self) -> np.ndarray:

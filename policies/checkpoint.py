@@ -1,0 +1,65 @@
+"""Weights on disk: safetensors beside a JSON card that says what they are. Never pickle."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import safetensors.torch
+from torch import Tensor
+
+from policies.errors import DamagedWeights, UnknownPolicy, WrongWeights
+
+SHIPPED = Path(__file__).parent / "weights"
+
+
+def known(kind: str, folder: Path = SHIPPED) -> list[str]:
+    """Names of the shipped weights of one kind ("walk", "prior")."""
+    cards = (json.loads(card.read_text()) for card in sorted(folder.glob("*.json")))
+    return [card["name"] for card in cards if card.get("kind") == kind]
+
+
+def find(name: str, kind: str) -> Path:
+    """The file of a shipped name, or of a path to a .safetensors file.
+
+    Raises:
+        UnknownPolicy: neither exists; the message lists the known names.
+    """
+    for path in (SHIPPED / f"{name}.safetensors", Path(name)):
+        if path.suffix == ".safetensors" and path.is_file():
+            return path
+    raise UnknownPolicy(name, known(kind))
+
+
+def save(path: Path, tensors: dict[str, Tensor], card: dict) -> None:
+    """Write weights and card so that a crash leaves the old pair or the new one."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    for target, data in (
+        (path, safetensors.torch.save({k: v.detach().cpu().contiguous() for k, v in tensors.items()})),
+        (path.with_suffix(".json"), (json.dumps(card, indent=1) + "\n").encode()),
+    ):
+        aside = target.with_name(f".{target.name}.{os.getpid()}")
+        aside.write_bytes(data)
+        aside.replace(target)
+
+
+def load(path: Path, expect: dict[str, object]) -> tuple[dict[str, Tensor], dict]:
+    """Tensors and card.
+
+    Args:
+        expect: fields of the card that must hold these values, such as kind and robot.
+
+    Raises:
+        WrongWeights: a field of the card differs.
+        DamagedWeights: the file or its card cannot be read.
+    """
+    try:
+        card = json.loads(path.with_suffix(".json").read_text())
+        tensors = safetensors.torch.load_file(path)
+    except (OSError, ValueError, safetensors.SafetensorError) as error:
+        raise DamagedWeights(path, str(error)) from error
+    for field, wanted in expect.items():
+        if card.get(field) != wanted:
+            raise WrongWeights(path, field, card.get(field), wanted)
+    return tensors, card

@@ -1,0 +1,31 @@
+"""Errors of this folder, each built from facts and naming the way out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class PolicyError(Exception):
+    """Something about weights or policies that the person in front of it can mend."""
+
+
+class UnknownPolicy(PolicyError):
+    """A policy name for which there are no weights."""
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        super().__init__(f"there is no policy named {name!r}; known policies: {', '.join(sorted(known)) or 'none'}, or a path to a .safetensors file")
+
+
+class WrongWeights(PolicyError):
+    """Weights that were trained for something else."""
+
+    def __init__(self, path: Path, what: str, found: object, wanted: object) -> None:
+        super().__init__(f"{path} was made for {what} {found!r}, not {wanted!r}; choose other weights or train them with `teleop-train`")
+
+
+class DamagedWeights(PolicyError):
+    """A weights file that cannot be read."""
+
+    def __init__(self, path: Path, why: str) -> None:
+        super().__init__(f"{path} cannot be read ({why}); restore it with `git checkout {path.name}` or train it again")
