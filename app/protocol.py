@@ -152,7 +152,7 @@ class Wrist(Wire):
     actual: Pose
     """Where it is."""
     limited_by: str
-    """Why reachable is not target: limit, collision, reach or failed; empty when it is."""
+    """Why reachable is not target: limit, collision, reach, speed, solver or invalid; empty when it is, or is on its way."""
     let_go: bool
     """The target jumped: the arm holds until the target comes back or Engage is pressed again."""
 

@@ -22,6 +22,7 @@ COMMAND = np.dtype(
         ("vector", "<f8", (command.SIZE,)),  # Command.vector, merged from all of the driver's devices
         ("given", "u1", (2,)),  # 1: the driver has set this wrist since taking the lease (left, right)
         ("driver", "<u4"),  # counts leases: a new number is a new driver; 0: nobody yet
+        ("presses", "<u4"),  # counts fresh presses of Engage
         ("stops", "<u4"),  # counts presses of Stop
         ("resets", "<u4"),  # counts presses of Reset
     ]
@@ -46,7 +47,7 @@ def snapshot_dtype(nq: int) -> np.dtype:
             ("target", "<f8", (2, 7)),  # wrists as asked for (left, right); as applied where nobody asks
             ("reachable", "<f8", (2, 7)),  # the nearest pose that the arm can take
             ("actual", "<f8", (2, 7)),  # where the wrists are
-            ("limited_by", "u1", (2,)),  # why reachable is not target: policies.reach
+            ("limited_by", "S12", (2,)),  # why reachable is not target: policies.reach.Reached.reasons
             ("let_go", "u1", (2,)),  # 1: this wrist's target jumped and the arm holds
             ("latency", "<f4", (6,)),  # ms, policies.episode.STAGES
             ("missed", "<u8"),  # ticks skipped because the process was late, since its start

@@ -1,0 +1,25 @@
+"""Errors of this folder, each one sentence that names the way out."""
+
+from __future__ import annotations
+
+
+class AppError(Exception):
+    """Something that the person who started the program can mend."""
+
+
+class SimulationFailed(AppError):
+    """The simulation process could not start."""
+
+
+class PortTaken(AppError):
+    """Another program listens on the address."""
+
+    def __init__(self, host: str, port: int) -> None:
+        super().__init__(f"port {port} on {host} is taken by another program; stop it or choose another one with --port")
+
+
+class NoTokenYet(AppError):
+    """An address that other machines can reach."""
+
+    def __init__(self, host: str) -> None:
+        super().__init__(f"{host} can be reached from other machines, and there is no access control yet; use --host 127.0.0.1 and an SSH tunnel")

@@ -1,0 +1,113 @@
+"""Turns what the operator asks into what the robot can follow: trained ranges, accelerations, wrist speeds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from policies.command import Command
+
+TWIST = np.array([[-0.6, -0.4, -1.0], [1.0, 0.4, 1.0]])
+"""Trained velocities: lower, upper [2, 3], m/s and rad/s."""
+POSTURE = np.array([[0.8, -0.2, -0.2], [1.02, 0.2, 0.2]])
+"""Trained height, roll and pitch: lower, upper [2, 3], m and rad."""
+NECK = np.array([[-1.5, -0.9], [1.5, 1.2]])
+"""Neck yaw and pitch: lower, upper [2, 2], rad."""
+WAIST = 0.8
+"""Largest waist yaw [rad]."""
+
+TWIST_RATE = np.array([2.0, 2.0, 4.0])
+"""Accelerations that the legs are asked for [3], m/s^2 and rad/s^2."""
+POSTURE_RATE = np.array([0.3, 0.6, 0.6])
+"""Speed of height, roll and pitch [3], m/s and rad/s."""
+WRIST_SPEED, WRIST_TURN = 1.0, 3.0
+"""m/s, rad/s"""
+HAND_RATE, NECK_RATE, WAIST_RATE = 5.0, 3.0, 1.0
+"""1/s, rad/s, rad/s"""
+STOP_TIME = 0.08
+"""From any velocity command to zero once the operator is lost [s]; with 200 ms of silence before, 300 ms are kept."""
+
+JUMP, JUMP_TURN = 0.25, np.deg2rad(60)
+"""A target that moves further than this in one message lets go of the wrist [m], [rad]."""
+
+
+class Limiter:
+    """Keeps the command that the robot follows now; each step moves it a tick's worth, never further."""
+
+    def __init__(self, home: Command, dt: float) -> None:
+        """Start from `home`; a step lasts dt [s]."""
+        self.dt = dt
+        self.applied = home.still()
+        self.let_go = np.zeros(2, dtype=bool)
+        self._asked: list[np.ndarray | None] = [None, None]
+        self._brake = np.zeros(3)
+
+    def engage(self) -> None:
+        """The next target counts from here, however far it is: the wrists go there at their own speed."""
+        self._asked = [None, None]
+        self.let_go[:] = False
+
+    def follow(self, wanted: Command, given: np.ndarray) -> Command:
+        """Move towards `wanted` (finite); given [2] says which wrists the operator has set."""
+        now, dt = self.applied, self.dt
+        twist = _towards(now.twist, np.clip(wanted.twist, *TWIST), TWIST_RATE * dt)
+        posture = np.clip([wanted.height, wanted.roll, wanted.pitch], *POSTURE)
+        height, roll, pitch = _towards(np.array([now.height, now.roll, now.pitch]), posture, POSTURE_RATE * dt)
+        self.applied = Command(
+            engage=True,
+            twist=twist,
+            height=float(height),
+            roll=float(roll),
+            pitch=float(pitch),
+            wrists=np.stack([self._wrist(side, wanted.wrists[side], bool(given[side])) for side in (0, 1)]),
+            hands=_towards(now.hands, np.clip(wanted.hands, 0, 1), HAND_RATE * dt),
+            neck=_towards(now.neck, np.clip(wanted.neck, *NECK), NECK_RATE * dt),
+            waist=float(_towards(np.array(now.waist), np.clip(wanted.waist, -WAIST, WAIST), WAIST_RATE * dt)),
+        )
+        self._brake = np.abs(twist) * dt / STOP_TIME + 1e-9  # so that rounding leaves no creep
+        return self.applied
+
+    def hold(self) -> Command:
+        """Brake to zero velocity within STOP_TIME; the posture stays."""
+        twist = _towards(self.applied.twist, np.zeros(3), self._brake)
+        self.applied = replace(self.applied, engage=False, twist=twist)
+        return self.applied
+
+    def _wrist(self, side: int, asked: np.ndarray, given: bool) -> np.ndarray:
+        """The next pose of one wrist [7]."""
+        now = self.applied.wrists[side]
+        if not given:
+            return now
+        before, self._asked[side] = self._asked[side], asked
+        if before is not None and _far(before, asked):
+            self.let_go[side] = True
+        elif self.let_go[side] and not _far(now, asked):
+            self.let_go[side] = False
+        return now if self.let_go[side] else _pose_towards(now, asked, WRIST_SPEED * self.dt, WRIST_TURN * self.dt)
+
+
+def _towards(now: np.ndarray, goal: np.ndarray, step: np.ndarray | float) -> np.ndarray:
+    return now + np.clip(goal - now, -step, step)
+
+
+def _turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """The rotation vector from one quaternion to the other, the short way [3], rad."""
+    turn = np.empty(3)
+    mujoco.mju_subQuat(turn, end, start)
+    return turn
+
+
+def _far(a: np.ndarray, b: np.ndarray) -> bool:
+    return bool(np.linalg.norm(b[:3] - a[:3]) > JUMP or np.linalg.norm(_turn(a[3:], b[3:])) > JUMP_TURN)
+
+
+def _pose_towards(now: np.ndarray, goal: np.ndarray, distance: float, angle: float) -> np.ndarray:
+    """The pose [7] on the way to goal, at most distance [m] and angle [rad] away from now."""
+    way, turn = goal[:3] - now[:3], _turn(now[3:], goal[3:])
+    share = min(1.0, distance / max(float(np.linalg.norm(way)), 1e-12))
+    turn_share = min(1.0, angle / max(float(np.linalg.norm(turn)), 1e-12))
+    quaternion = now[3:].copy()
+    mujoco.mju_quatIntegrate(quaternion, turn, turn_share)
+    return np.concatenate([now[:3] + share * way, quaternion / np.linalg.norm(quaternion)])

@@ -1,0 +1,205 @@
+"""The session file being written: rows from the ring into the open episode. One thread uses it; others only look."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from policies.episode import Ending, EpisodeInfo, Metadata
+from policies.recording.session_file import SessionFile, hidden_name
+from policies.recording.writer import EpisodeWriter
+
+_log = logging.getLogger(__name__)
+
+FLUSH_PERIOD = 0.25
+"""How often rows are handed to the operating system [s]. A kill -9 loses what came since."""
+
+
+class RowRing(Protocol):
+    """The last rows of the simulation, as `app.shared.Ring` keeps them."""
+
+    @property
+    def count(self) -> int:
+        """Rows ever pushed."""
+        ...
+
+    def since(self, number: int) -> tuple[list[np.void], int]:
+        """Copies of the rows from `number` on, and how many of them are lost."""
+        ...
+
+
+class RecordingError(Exception):
+    """An order to the recorder that it cannot follow now."""
+
+
+class WrongMoment(RecordingError):
+    """The order does not fit what is being recorded."""
+
+
+class DiskFailed(RecordingError):
+    """The disk is full, gone or hangs."""
+
+
+class Tape:
+    """One session file at a time, one episode at a time.
+
+    The file is made at the first episode. Another one follows when what makes the rows changed (a new policy), when the
+    disk failed, or after `release`. Every method but `pump` raises DiskFailed when the disk does, and then the open
+    episode is truncated.
+    """
+
+    def __init__(self, directory: Path, describe: Callable[[], tuple[Metadata, bytes | None]], rows: RowRing) -> None:
+        """`describe` tells what makes the rows now and gives the compiled model (MJB)."""
+        self.directory = directory
+        self.open: EpisodeInfo | None = None
+        """The episode being recorded, as far as it is."""
+        self.done: tuple[EpisodeInfo, ...] = ()
+        """The finished episodes of the session file."""
+        self.alarm: str | None = None
+        """Why the last episode was truncated, until the next one starts."""
+        self.busy_since: float | None = None
+        """When the current write began, monotonic [s]; None between writes."""
+        self._describe, self._rows, self._cursor = describe, rows, 0
+        self._file: SessionFile | None = None
+        self._writer: EpisodeWriter | None = None
+        self._number, self._flushed = 0, 0.0
+
+    @property
+    def path(self) -> Path | None:
+        """The session file; None before the first episode."""
+        return None if self._file is None else self._file.path
+
+    def pump(self) -> None:
+        """Take what the simulation pushed since; keep it when an episode is open. Never raises."""
+        self._cursor = min(self._cursor, self._rows.count)  # a simulation that was started again counts from 0
+        rows, lost = self._rows.since(self._cursor)
+        self._cursor += len(rows) + lost
+        if self.open is None or self._writer is None:
+            return
+        try:
+            with self._disk():
+                self._keep(self._writer, rows)
+        except DiskFailed as error:
+            _log.error("%s", error)
+
+    def start(self, label: str) -> str:
+        """Open an episode and return its id.
+
+        Raises:
+            WrongMoment: one is open already.
+        """
+        if self.open is not None:
+            raise WrongMoment(f"episode {self.open.id} is being recorded; stop it first")
+        with self._disk():
+            metadata, model = self._describe()
+            if self._writer is not None and self._writer.metadata != metadata:
+                self.release()
+            if self._writer is None:
+                self._make_file(metadata, model)
+            self._begin(label)
+        self.alarm = None
+        return self._opened().id
+
+    def stop(self, id: str, ended: Ending, label: str | None = None, success: bool | None = None) -> EpisodeInfo:
+        """Close the open episode and wait until the disk has it.
+
+        Raises:
+            WrongMoment: this episode is not open.
+        """
+        if self.open is None or self.open.id != id or self._writer is None or self._file is None:
+            raise DiskFailed(self.alarm) if self.alarm else WrongMoment(f"episode {id!r} is not being recorded")
+        with self._disk():
+            info = self._writer.end(time.time(), ended, label, success)
+            self._file.sync()
+        self.open, self.done = None, (*self.done, info)
+        return info
+
+    def discard(self, id: str) -> None:
+        """Hide an episode of the session file, the open one included.
+
+        Raises:
+            WrongMoment: the file has no such episode.
+        """
+        if self.open is not None and self.open.id == id:
+            self.stop(id, "stopped")
+        gone = next((info for info in self.done if info.id == id), None)
+        if gone is None or self._writer is None:
+            raise WrongMoment(f"there is no episode {id!r} in this session")
+        with self._disk():
+            self._writer.discard(gone.number, time.time())
+        self.done = tuple(info for info in self.done if info is not gone)
+
+    def release(self) -> None:
+        """Complete the session file. The next episode makes another one.
+
+        Raises:
+            WrongMoment: an episode is open.
+        """
+        if self.open is not None:
+            raise WrongMoment(f"episode {self.open.id} is being recorded; stop it first")
+        if self._writer is not None and self._file is not None:
+            with self._disk():
+                self._writer.finish()
+                self._file.sync()
+            self._forget_file()
+
+    def _keep(self, writer: EpisodeWriter, rows: list[np.void]) -> None:
+        if rows:
+            writer.rows(np.array(rows, dtype=writer.metadata.dtype))
+        if time.monotonic() - self._flushed >= FLUSH_PERIOD:
+            writer.flush()
+            self._flushed = time.monotonic()
+        self.open = writer.info
+
+    def _make_file(self, metadata: Metadata, model: bytes | None) -> None:
+        self.directory.mkdir(parents=True, exist_ok=True)
+        stem = time.strftime("%Y-%m-%d_%H-%M-%S")
+        names = itertools.chain([stem], (f"{stem}-{i}" for i in itertools.count(2)))
+        paths = (self.directory / f"{name}.mcap" for name in names)
+        self._file = SessionFile(next(path for path in paths if not path.exists() and not hidden_name(path).exists()))
+        self._writer = EpisodeWriter(self._file, metadata, model)
+        self._number = 0
+
+    def _begin(self, label: str) -> None:
+        assert self._writer is not None and self._file is not None
+        number = self._number + 1
+        path = self._file.path
+        self._writer.begin(EpisodeInfo(f"{path.stem}_{number:03d}", number, path, time.time(), label=label))
+        self._writer.flush()
+        if number == 1:
+            self._file.publish()
+        self._number, self._flushed, self.open = number, time.monotonic(), self._writer.info
+
+    def _opened(self) -> EpisodeInfo:
+        assert self.open is not None
+        return self.open
+
+    @contextmanager
+    def _disk(self) -> Iterator[None]:
+        """Whatever goes wrong inside ends the episode and the file, and raises DiskFailed."""
+        self.busy_since = time.monotonic()
+        try:
+            yield
+        except DiskFailed:
+            raise
+        except Exception as error:
+            if not isinstance(error, OSError):
+                _log.exception("the recorder failed")
+            what = "the recording could not be started" if self.open is None else f"episode {self.open.id} is truncated"
+            self.alarm = f"{what}: {error}"
+            self._forget_file()
+            raise DiskFailed(self.alarm) from error
+        finally:
+            self.busy_since = None
+
+    def _forget_file(self) -> None:
+        if self._file is not None:
+            self._file.close()
+        self._file, self._writer, self.open, self.done = None, None, None, ()
