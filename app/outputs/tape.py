@@ -7,6 +7,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -47,6 +48,12 @@ class DiskFailed(RecordingError):
     """The disk is full, gone or hangs."""
 
 
+@dataclass(frozen=True)
+class _Session:
+    file: SessionFile
+    writer: EpisodeWriter
+
+
 class Tape:
     """One session file at a time, one episode at a time.
 
@@ -67,25 +74,24 @@ class Tape:
         self.busy_since: float | None = None
         """When the current write began, monotonic [s]; None between writes."""
         self._describe, self._rows, self._cursor = describe, rows, 0
-        self._file: SessionFile | None = None
-        self._writer: EpisodeWriter | None = None
+        self._session: _Session | None = None
         self._number, self._flushed = 0, 0.0
 
     @property
     def path(self) -> Path | None:
         """The session file; None before the first episode."""
-        return None if self._file is None else self._file.path
+        return None if self._session is None else self._session.file.path
 
     def pump(self) -> None:
         """Take what the simulation pushed since; keep it when an episode is open. Never raises."""
         self._cursor = min(self._cursor, self._rows.count)  # a simulation that was started again counts from 0
         rows, lost = self._rows.since(self._cursor)
         self._cursor += len(rows) + lost
-        if self.open is None or self._writer is None:
+        if self.open is None or self._session is None:
             return
         try:
             with self._disk():
-                self._keep(self._writer, rows)
+                self._keep(self._session.writer, rows)
         except DiskFailed as error:
             _log.error("%s", error)
 
@@ -99,13 +105,13 @@ class Tape:
             raise WrongMoment(f"episode {self.open.id} is being recorded; stop it first")
         with self._disk():
             metadata, model = self._describe()
-            if self._writer is not None and self._writer.metadata != metadata:
+            if self._session is not None and self._session.writer.metadata != metadata:
                 self.release()
-            if self._writer is None:
-                self._make_file(metadata, model)
-            self._begin(label)
+            if self._session is None:
+                self._session = self._new_session(metadata, model)
+            self.open = self._begin(self._session, label)
         self.alarm = None
-        return self._opened().id
+        return self.open.id
 
     def stop(self, id: str, ended: Ending, label: str | None = None, success: bool | None = None) -> EpisodeInfo:
         """Close the open episode and wait until the disk has it.
@@ -113,11 +119,11 @@ class Tape:
         Raises:
             WrongMoment: this episode is not open.
         """
-        if self.open is None or self.open.id != id or self._writer is None or self._file is None:
+        if self.open is None or self.open.id != id or self._session is None:
             raise DiskFailed(self.alarm) if self.alarm else WrongMoment(f"episode {id!r} is not being recorded")
         with self._disk():
-            info = self._writer.end(time.time(), ended, label, success)
-            self._file.sync()
+            info = self._session.writer.end(time.time(), ended, label, success)
+            self._session.file.sync()
         self.open, self.done = None, (*self.done, info)
         return info
 
@@ -130,10 +136,10 @@ class Tape:
         if self.open is not None and self.open.id == id:
             self.stop(id, "stopped")
         gone = next((info for info in self.done if info.id == id), None)
-        if gone is None or self._writer is None:
+        if gone is None or self._session is None:
             raise WrongMoment(f"there is no episode {id!r} in this session")
         with self._disk():
-            self._writer.discard(gone.number, time.time())
+            self._session.writer.discard(gone.number, time.time())
         self.done = tuple(info for info in self.done if info is not gone)
 
     def release(self) -> None:
@@ -144,11 +150,11 @@ class Tape:
         """
         if self.open is not None:
             raise WrongMoment(f"episode {self.open.id} is being recorded; stop it first")
-        if self._writer is not None and self._file is not None:
+        if self._session is not None:
             with self._disk():
-                self._writer.finish()
-                self._file.sync()
-            self._forget_file()
+                self._session.writer.finish()
+                self._session.file.sync()
+            self._forget_session()
 
     def _keep(self, writer: EpisodeWriter, rows: list[np.void]) -> None:
         if rows:
@@ -158,28 +164,23 @@ class Tape:
             self._flushed = time.monotonic()
         self.open = writer.info
 
-    def _make_file(self, metadata: Metadata, model: bytes | None) -> None:
+    def _new_session(self, metadata: Metadata, model: bytes | None) -> _Session:
         self.directory.mkdir(parents=True, exist_ok=True)
         stem = time.strftime("%Y-%m-%d_%H-%M-%S")
         names = itertools.chain([stem], (f"{stem}-{i}" for i in itertools.count(2)))
         paths = (self.directory / f"{name}.mcap" for name in names)
-        self._file = SessionFile(next(path for path in paths if not path.exists() and not hidden_name(path).exists()))
-        self._writer = EpisodeWriter(self._file, metadata, model)
+        file = SessionFile(next(path for path in paths if not path.exists() and not hidden_name(path).exists()))
         self._number = 0
+        return _Session(file, EpisodeWriter(file, metadata, model))
 
-    def _begin(self, label: str) -> None:
-        assert self._writer is not None and self._file is not None
-        number = self._number + 1
-        path = self._file.path
-        self._writer.begin(EpisodeInfo(f"{path.stem}_{number:03d}", number, path, time.time(), label=label))
-        self._writer.flush()
-        if number == 1:
-            self._file.publish()
-        self._number, self._flushed, self.open = number, time.monotonic(), self._writer.info
-
-    def _opened(self) -> EpisodeInfo:
-        assert self.open is not None
-        return self.open
+    def _begin(self, session: _Session, label: str) -> EpisodeInfo:
+        self._number, path = self._number + 1, session.file.path
+        session.writer.begin(EpisodeInfo(f"{path.stem}_{self._number:03d}", self._number, path, time.time(), label=label))
+        session.writer.flush()
+        if self._number == 1:
+            session.file.publish()
+        self._flushed = time.monotonic()
+        return session.writer.info
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
@@ -194,12 +195,12 @@ class Tape:
                 _log.exception("the recorder failed")
             what = "the recording could not be started" if self.open is None else f"episode {self.open.id} is truncated"
             self.alarm = f"{what}: {error}"
-            self._forget_file()
+            self._forget_session()
             raise DiskFailed(self.alarm) from error
         finally:
             self.busy_since = None
 
-    def _forget_file(self) -> None:
-        if self._file is not None:
-            self._file.close()
-        self._file, self._writer, self.open, self.done = None, None, None, ()
+    def _forget_session(self) -> None:
+        if self._session is not None:
+            self._session.file.close()
+        self._session, self.open, self.done = None, None, ()

@@ -1,0 +1,1 @@
+"""Episodes on disk: one MCAP file a session that survives a crash."""

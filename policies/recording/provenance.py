@@ -1,0 +1,82 @@
+"""Says what makes the rows: packages, commit, robot, policy, model."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import subprocess
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from policies.episode import Metadata
+from policies.recording.model import model_bytes
+from robots.spec import RobotSpec
+
+_PACKAGES = ("humanoid-teleop", "mujoco", "numpy", "torch", "mink", "mcap")
+
+
+def describe(
+    spec: RobotSpec,
+    model: mujoco.MjModel,
+    dtype: np.dtype,
+    policy: str,
+    weights: Path | None = None,
+    reasons: Sequence[str] = (),
+    seeds: Mapping[str, int] | None = None,
+) -> tuple[Metadata, bytes]:
+    """The metadata of a recording and the compiled model (MJB) that its rows were made with.
+
+    Args:
+        spec: the robot.
+        model: the stepped model.
+        dtype: layout of a row.
+        policy: name of the leg policy.
+        weights: its file.
+        reasons: meaning of the `reason` field by its value.
+        seeds: what was drawn at random.
+    """
+    compiled = model_bytes(model)
+    metadata = Metadata(
+        robot=spec.name,
+        policy=policy,
+        dtype=dtype,
+        nq=model.nq,
+        nv=model.nv,
+        substeps=round(1 / (spec.policy_rate * model.opt.timestep)),
+        rate=spec.policy_rate,
+        policy_sha256="" if weights is None else hashlib.sha256(weights.read_bytes()).hexdigest(),
+        model_sha256=hashlib.sha256(compiled).hexdigest(),
+        reasons=tuple(reasons),
+        seeds=dict(seeds or {}),
+        versions=_versions(),
+        commit=_commit(),
+    )
+    return metadata, compiled
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+@cache
+def _commit() -> str:
+    """Commit of the checkout that this file stands in; empty when there is none, or no git."""
+    folder = Path(__file__).parents[2]
+    if not (folder / ".git").exists():
+        return ""
+    try:
+        answer = subprocess.run(["git", "rev-parse", "HEAD"], cwd=folder, capture_output=True, text=True, timeout=5, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return answer.stdout.strip()
