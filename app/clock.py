@@ -12,9 +12,14 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
+def nanoseconds() -> int:
+    """The monotonic clock, the same in every process of this machine."""
+    return time.monotonic_ns()
+
+
 def now() -> float:
-    """Seconds of the monotonic clock, the same in every process of this machine."""
-    return time.monotonic_ns() * 1e-9
+    """The same in seconds."""
+    return nanoseconds() * 1e-9
 
 
 class Ticker:

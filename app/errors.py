@@ -22,4 +22,6 @@ class NoTokenYet(AppError):
     """An address that other machines can reach."""
 
     def __init__(self, host: str) -> None:
-        super().__init__(f"{host} can be reached from other machines, and there is no access control yet; use --host 127.0.0.1 and an SSH tunnel")
+        super().__init__(
+            f"{host} can be reached from other machines, and there is no access control yet; use --host 127.0.0.1 and an SSH tunnel"
+        )

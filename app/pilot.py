@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -12,10 +12,12 @@ from app import clock
 from app.guard import Guarded
 from app.mode import Mode, Reason
 from policies.policy import Policy
-from policies.reach import Reached
 from robots.spec import RobotSpec
 from robots.state import State
 from robots.target import Target
+
+if TYPE_CHECKING:
+    from policies.whole_body import Trace
 
 SINK_SPEED = 1.0
 """How fast the joints go to the default pose [rad/s]."""
@@ -23,25 +25,13 @@ LATE = 2.0
 """An action that takes longer than this many ticks comes too late."""
 
 
-class Trace(Protocol):
-    """What a policy tells of its newest `act`."""
-
-    observation: np.ndarray
-    """Of the leg policy [nobs]."""
-    latent: np.ndarray
-    """Of the motion prior [nlatent]."""
-    action: np.ndarray
-    """Of the leg policy [naction]."""
-    reached: Reached
-    ik_ms: float
-    policy_ms: float
-
-
 class TracedPolicy(Policy, Protocol):
     """A policy whose inside is shown and recorded."""
 
     @property
-    def trace(self) -> Trace: ...
+    def trace(self) -> Trace:
+        """The inside of the newest `act`."""
+        ...
 
 
 class Pilot:

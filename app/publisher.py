@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,11 +12,13 @@ from app import clock
 from app.guard import Ask, Guard
 from app.mode import Mode
 from app.physics import Physics
-from app.pilot import Trace
 from app.shared import Exchange
 from policies.command import Command
 from robots.state import State
 from robots.target import Target
+
+if TYPE_CHECKING:
+    from policies.whole_body import Trace
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ class Publisher:
         snapshot["let_go"] = guard.limiter.let_go
         snapshot["missed"], snapshot["rejected"] = tick.missed, guard.rejected
         snapshot["upright"] = guard.upright(state)
-        snapshot["stamp"] = int(clock.now() * 1e9)
+        snapshot["stamp"] = clock.nanoseconds()
 
 
 def base(state: State) -> np.ndarray:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import multiprocessing
 import os
 import threading
-from collections.abc import Callable
+import time
 
 import numpy as np
 
 from app import child, clock
 from app.errors import SimulationFailed
 from app.shared import Exchange, Memory
+from policies.command import Command
 
 SILENCE = 0.4
 """A simulation that published nothing for this long is lost [s]; it is shown within half a second."""
@@ -56,8 +57,10 @@ class Simulation:
             raise SimulationFailed(message.sentence)
         self.scheduler = message.scheduler
         self.exchange = Exchange(self._memory, message.layout)
-        while self.exchange.snapshots.count == 0 and self._alive:
-            threading.Event().wait(0.01)
+        while self.lost and self._alive:
+            time.sleep(0.005)
+        if self.lost:
+            raise SimulationFailed("the simulation process died in its first tick")
 
     def restart(self) -> None:
         """End the process, whatever state it is in, and start another one at home. Blocks until it stands."""
@@ -74,12 +77,18 @@ class Simulation:
     @property
     def lost(self) -> bool:
         """Whether the process is dead or hangs."""
-        newest = self.snapshot()
+        newest = self.exchange.snapshots.newest()
         return not self._alive or newest is None or clock.now() - newest["stamp"] * 1e-9 > SILENCE
 
-    def snapshot(self) -> np.void | None:
+    def snapshot(self) -> np.void:
         """The newest snapshot."""
-        return self.exchange.snapshots.newest()
+        newest = self.exchange.snapshots.newest()
+        assert newest is not None, "wait returns after the first one"
+        return newest
+
+    def applied(self) -> Command:
+        """The command that the robot follows now."""
+        return Command.from_vector(self.snapshot()["applied"])
 
     def close(self) -> None:
         """End the process; kill it if it does not obey."""

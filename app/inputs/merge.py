@@ -1,0 +1,66 @@
+"""One driver's command, put together from messages that need not be complete and from dragged handles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from app.protocol import OperatorMessage, Pose
+from policies.command import Command
+
+
+@dataclass(frozen=True)
+class Merged:
+    """Of every field the newest value counts, from the last press of Engage on."""
+
+    command: Command = field(default_factory=Command)
+    given: tuple[bool, bool] = (False, False)
+    """Which wrists were set since the last press, left and right."""
+    presses: int = 0
+    """Fresh presses of Engage: released before, pressed now."""
+
+    def handed_over(self, engaged: bool = False) -> Merged:
+        """Another driver begins, or none; an Engage that is held already (`engaged`) is no press."""
+        return replace(self, command=replace(self.command, engage=engaged).still())
+
+    def with_message(self, message: OperatorMessage, applied: Command) -> Merged:
+        """What the message says on top. A press starts from `applied`, what the robot does now."""
+        base = self
+        if message.engage and not self.command.engage:
+            base = Merged(applied.still(), presses=self.presses + 1)
+        command = replace(base.command, **_fields(message, base.command))
+        given = message.wrists and (message.wrists.left is not None, message.wrists.right is not None)
+        left, right = given or (False, False)
+        return replace(base, command=command, given=(base.given[0] or left, base.given[1] or right))
+
+    def with_wrist(self, side: int, pose: np.ndarray) -> Merged:
+        """A handle was dragged: left 0, right 1; position [m] and quaternion wxyz in the pelvis frame [7]."""
+        wrists = self.command.wrists.copy()
+        wrists[side] = pose
+        given = (self.given[0] or side == 0, self.given[1] or side == 1)
+        return replace(self, command=replace(self.command, wrists=wrists), given=given)
+
+
+def _fields(message: OperatorMessage, before: Command) -> dict:
+    """The fields of a Command that a message sets."""
+    names = ("engage", "height", "roll", "pitch", "waist")
+    fields: dict = {name: value for name in names if (value := getattr(message, name)) is not None}
+    if message.twist:
+        fields["twist"] = np.array([message.twist.vx, message.twist.vy, message.twist.yaw_rate])
+    if message.neck:
+        fields["neck"] = np.array([message.neck.yaw, message.neck.pitch])
+    if message.wrists:
+        poses = [pose and _pose_vector(pose) for pose in (message.wrists.left, message.wrists.right)]
+        fields["wrists"] = _sides(poses, before.wrists)
+    if message.hands:
+        fields["hands"] = _sides([message.hands.left, message.hands.right], before.hands)
+    return fields
+
+
+def _sides(new: list, before: np.ndarray) -> np.ndarray:
+    return np.stack([was if value is None else np.asarray(value) for value, was in zip(new, before, strict=True)])
+
+
+def _pose_vector(pose: Pose) -> np.ndarray:
+    return np.array([*pose.position, *pose.quaternion])

@@ -1,0 +1,172 @@
+"""The web side: health, the operator's socket, stop and reset; the page and the episodes come in as routers."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+
+from fastapi import APIRouter, FastAPI, WebSocket, WebSocketDisconnect
+from pydantic import ValidationError
+
+from app.gate import Gate
+from app.inputs.operator import Client, Operators
+from app.protocol import VERSION, Answer, Health, OperatorMessage
+
+ANSWER_PERIOD = 0.04
+"""Seconds between two answers to a client."""
+LARGEST_MESSAGE = 64 * 1024
+"""Bytes."""
+MESSAGES_A_SECOND = 200
+"""A client who sends more is closed."""
+CLIENTS = 16
+"""Open operator sockets."""
+BLOCKED = 5.0
+"""A client who reads nothing for this long is closed [s]."""
+
+NOT_TEXT, NOT_JSON, TOO_MANY, TOO_BIG, FULL = 1003, 1007, 1008, 1009, 1013
+"""Why a socket is closed."""
+
+
+def create_app(
+    health: Callable[[], Health],
+    operators: Operators,
+    reset: Callable[[], None],
+    host: str,
+    routers: Sequence[APIRouter] = (),
+) -> FastAPI:
+    """The whole site.
+
+    Args:
+        health: the record of this moment.
+        operators: who drives.
+        reset: puts the robot back home, and starts the simulation again if it is lost; may block.
+        host: the configured host name.
+        routers: page, episodes.
+    """
+    app = FastAPI(title="humanoid-teleop", description="Drive a walking humanoid.", version=str(VERSION))
+    app.add_middleware(Gate, host=host)
+    app.include_router(_control(health, operators, reset), prefix="/api")
+    for router in routers:
+        app.include_router(router)
+    return app
+
+
+def _control(health: Callable[[], Health], operators: Operators, reset: Callable[[], None]) -> APIRouter:
+    router = APIRouter(tags=["robot"])
+
+    @router.get("/health")
+    def read_health() -> Health:
+        """The state of the robot and of the loop that drives it."""
+        return health()
+
+    @router.post("/stop")
+    async def stop() -> None:
+        """Stop walking and stand; anyone may. Only a fresh press of Engage goes on."""
+        operators.stop()
+
+    @router.post("/reset")
+    def reset_robot() -> None:
+        """Put the robot back home, standing and STOPPED; clears a fault."""
+        reset()
+
+    @router.websocket("/operator")
+    async def operator(socket: WebSocket) -> None:
+        """OperatorMessage in, Answer out; see app.protocol."""
+        await socket.accept()
+        if operators.count >= CLIENTS:
+            await socket.close(FULL, f"{CLIENTS} clients are connected already")
+            return
+        client = operators.join()
+        try:
+            await _first_to_end(_read(socket, client, operators), _answer(socket, client, operators, health))
+        finally:
+            operators.leave(client)
+
+    return router
+
+
+async def _first_to_end(*coroutines: Awaitable[None]) -> None:
+    """Run them together; the end of one ends the others. A closed socket is a normal end."""
+    tasks = [asyncio.ensure_future(c) for c in coroutines]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+    with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):
+        for task in done:
+            task.result()
+
+
+class _Refused(Exception):
+    """What a client sent is no message: its socket is closed."""
+
+    def __init__(self, code: int, why: str) -> None:
+        super().__init__(why)
+        self.code = code
+
+
+async def _read(socket: WebSocket, client: Client, operators: Operators) -> None:
+    """Hear every message until the socket closes, or has to be closed."""
+    allowance = _Allowance(MESSAGES_A_SECOND)
+    while (packet := await socket.receive())["type"] != "websocket.disconnect":
+        try:
+            allowance.take()
+            operators.hear(client, _parse(packet.get("text")))
+        except ValidationError as error:
+            first = error.errors()[0]
+            operators.refuse(client, f"{'.'.join(map(str, first['loc']))}: {first['msg']}")
+        except _Refused as refused:
+            await socket.close(refused.code, str(refused))
+            return
+
+
+def _parse(text: str | None) -> OperatorMessage:
+    """The message in a packet.
+
+    Raises:
+        ValidationError: a field is wrong.
+        _Refused: it is no JSON object at all.
+    """
+    if text is None:
+        raise _Refused(NOT_TEXT, "messages are JSON text")
+    if len(text.encode()) > LARGEST_MESSAGE:
+        raise _Refused(TOO_BIG, f"messages have at most {LARGEST_MESSAGE} bytes")
+    try:
+        return OperatorMessage.model_validate_json(text, strict=True)
+    except ValidationError as error:
+        if error.errors()[0]["type"] in ("json_invalid", "model_type"):
+            raise _Refused(NOT_JSON, "messages are JSON objects") from error
+        raise
+
+
+async def _answer(socket: WebSocket, client: Client, operators: Operators, health: Callable[[], Health]) -> None:
+    """Tell the newest state; who does not read misses what was in between."""
+    while True:
+        driving = operators.driver is client
+        error, client.error = client.error, None
+        answer = Answer(**dict(health()), seq=client.seq, you=client.name, driving=driving, error=error)
+        await asyncio.wait_for(socket.send_text(answer.model_dump_json()), BLOCKED)
+        await asyncio.sleep(ANSWER_PERIOD)
+
+
+class _Allowance:
+    """So many a second, with a second's worth at once."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate, self._left, self._at = rate, rate, time.monotonic()
+
+    def take(self) -> None:
+        """One more.
+
+        Raises:
+            _Refused: there is none left.
+        """
+        now = time.monotonic()
+        self._left = min(self._rate, self._left + (now - self._at) * self._rate)
+        self._at = now
+        if self._left < 1:
+            raise _Refused(TOO_MANY, f"more than {MESSAGES_A_SECOND} messages a second")
+        self._left -= 1
