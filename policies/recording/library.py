@@ -17,13 +17,6 @@ from policies.recording.session_file import in_use
 _log = logging.getLogger(__name__)
 
 
-class UnknownEpisode(Exception):
-    """An episode id that the folder does not hold."""
-
-    def __init__(self, id: str) -> None:
-        super().__init__(f"there is no episode {id!r}; `teleop episodes` lists the known ones")
-
-
 class Library:
     """Lists, reads and deletes episodes. Safe to use from several threads; what a file holds is remembered until it changes."""
 
@@ -45,17 +38,6 @@ class Library:
             found = [info for path in self.files() if path != without for info in self._infos(path)]
         return sorted(found, key=lambda info: info.start, reverse=True)
 
-    def find(self, id: str) -> EpisodeInfo:
-        """The episode of that id.
-
-        Raises:
-            UnknownEpisode: there is none.
-        """
-        for info in self.infos():
-            if info.id == id:
-                return info
-        raise UnknownEpisode(id)
-
     def stream(self, info: EpisodeInfo) -> Iterator[bytes]:
         """A complete MCAP file of one episode, piece by piece."""
         with Recording(info.file) as recording:
@@ -70,14 +52,13 @@ class Library:
         return np.concatenate([np.empty((0, metadata.nq)), *blocks]).astype(np.float32)
 
     def delete(self, info: EpisodeInfo) -> None:
-        """Rewrite the episode's file without it.
+        """Rewrite the episode's file without it and without the discarded ones.
 
         Raises:
             DamagedRecording, RecordingInUse, OSError: the file is as it was.
         """
-        with self._rewriting:
-            kept = {other.number for other in self.infos() if other.file == info.file and other.number != info.number}
-            keep_only(info.file, kept)
+        with self._rewriting, Recording(info.file) as recording:
+            keep_only(info.file, {other.number for other in recording.infos} - {info.number})
 
     def tidy(self) -> list[Recovered]:
         """Recover what crashes left behind and give back the space of discarded episodes; a file in use is left alone.

@@ -1,0 +1,82 @@
+"""What `teleop episodes`, `teleop replay` and `teleop recover` do. Each prints what it finds and returns the exit code."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from policies.episode import DamagedRecording, EpisodeInfo
+from policies.recording import replay as replaying
+from policies.recording import rewrite
+from policies.recording.library import Library
+from policies.recording.model import CannotReplay
+from policies.recording.reader import Recording
+
+
+def episodes(directory: Path) -> int:
+    """List the episodes of a folder. Returns 1 when a file cannot be read."""
+    library = Library(directory)
+    infos = library.infos()
+    table = Table("episode", "date", "seconds", "rows", "label", "success", "gaps", "ended", "file")
+    for info in infos:
+        table.add_row(*map(Text, _cells(info)))
+    Console().print(table if infos else f"no episodes in {directory}")
+    for sentence in library.damaged.values():
+        _complain(sentence)
+    return 1 if library.damaged else 0
+
+
+def replay(file: Path, episode: int | None = None) -> int:
+    """Simulate the episodes of a file again, or one of them by its number. Returns 1 when one differs from what was recorded."""
+    try:
+        with Recording(file) as recording:
+            chosen = [info for info in recording.infos if episode in (None, info.number)]
+            if not chosen:
+                known = ", ".join(str(info.number) for info in recording.infos) or "none"
+                return _complain(f"{file} has no episode {episode}; its episodes: {known}")
+            return max([_replay(recording, info) for info in chosen])
+    except (DamagedRecording, CannotReplay, OSError) as error:
+        return _complain(str(error))
+
+
+def recover(path: Path) -> int:
+    """Mend a file, or every file of a folder. Returns 1 when one cannot be mended."""
+    files = Library(path).files() if path.is_dir() else [path]
+    return max([_recover(file) for file in files], default=0)
+
+
+def _cells(info: EpisodeInfo) -> tuple[str, ...]:
+    date = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(info.start))
+    success = {None: "", True: "yes", False: "no"}[info.success]
+    gaps = f"{info.gaps} ({info.missing} ticks)" if info.gaps else "0"
+    return info.id, date, f"{info.seconds:.1f}", str(info.rows), info.label, success, gaps, info.ended, info.file.name
+
+
+def _replay(recording: Recording, info: EpisodeInfo) -> int:
+    done = replaying.replay(recording, info)
+    verdict = "bit for bit equal" if done.diverged_at is None else f"DIFFERENT from tick {done.diverged_at} on"
+    print(f"{info.id}: {done.rows} rows, {done.segments} segments, max difference of qpos {done.max_difference:g}: {verdict}", **_PLAIN)
+    if recording.damaged:
+        _complain(f"{recording.path} has {recording.damaged} damaged chunks, their rows were left out")
+    return 0 if done.diverged_at is None else 1
+
+
+def _recover(file: Path) -> int:
+    try:
+        done = rewrite.recover(file)
+    except (DamagedRecording, rewrite.RecordingInUse, OSError) as error:
+        return _complain(str(error))
+    what = "recovered" if done.changed else "is complete"
+    kept = f"; {done.damaged} damaged chunks, the old file is {done.original}" if done.original else ""
+    print(f"{file}: {what}: {done.episodes} episodes, {done.rows} rows, {done.missing} ticks missing{kept}")
+    return 0
+
+
+def _complain(sentence: str) -> int:
+    print(sentence, file=sys.stderr)
+    return 1
