@@ -38,7 +38,7 @@ def replay(file: Path, episode: int | None = None) -> int:
             chosen = [info for info in recording.infos if episode in (None, info.number)]
             if not chosen:
                 known = ", ".join(str(info.number) for info in recording.infos) or "none"
-                return _complain(f"{file} has no episode {episode}; its episodes: {known}")
+                return _complain(f"{file} has no episode {'' if episode is None else episode}; its episodes: {known}")
             return max([_replay(recording, info) for info in chosen])
     except (DamagedRecording, CannotReplay, OSError) as error:
         return _complain(str(error))
@@ -60,7 +60,8 @@ def _cells(info: EpisodeInfo) -> tuple[str, ...]:
 def _replay(recording: Recording, info: EpisodeInfo) -> int:
     done = replaying.replay(recording, info)
     verdict = "bit for bit equal" if done.diverged_at is None else f"DIFFERENT from tick {done.diverged_at} on"
-    print(f"{info.id}: {done.rows} rows, {done.segments} segments, max difference of qpos {done.max_difference:g}: {verdict}", **_PLAIN)
+    difference = f"max difference of qpos {done.max_difference:g}"
+    print(f"{info.id}: {done.rows} rows, {done.segments} segments, {difference}: {verdict}")
     if recording.damaged:
         _complain(f"{recording.path} has {recording.damaged} damaged chunks, their rows were left out")
     return 0 if done.diverged_at is None else 1
