@@ -14,7 +14,9 @@ class UnknownPolicy(PolicyError):
     """A policy name for which there are no weights."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
-        super().__init__(f"there is no policy named {name!r}; known policies: {', '.join(sorted(known)) or 'none'}, or a path to a .safetensors file")
+        super().__init__(
+            f"there is no policy named {name!r}; known policies: {', '.join(sorted(known)) or 'none'}, or a path to a .safetensors file"
+        )
 
 
 class WrongWeights(PolicyError):

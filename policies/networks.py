@@ -8,6 +8,7 @@ left-right pairs (even + odd, even - odd). After the symmetry-enforcing networks
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
 import torch
@@ -85,9 +86,9 @@ class MirrorMLP(nn.Module):
         self._split = even
         for stack in (self.evens, self.odds):
             for i, layer in enumerate(stack):
-                nn.init.orthogonal_(layer.weight, out_gain if i == len(hidden) else math.sqrt(2))
-                if layer.bias is not None:
-                    nn.init.zeros_(layer.bias)
+                nn.init.orthogonal_(cast(nn.Linear, layer).weight, out_gain if i == len(hidden) else math.sqrt(2))
+        for layer in self.evens:
+            nn.init.zeros_(cast(nn.Linear, layer).bias)
 
     def forward(self, x: Tensor) -> Tensor:
         even, odd = x[..., : self._split], x[..., self._split :]

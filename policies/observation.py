@@ -102,7 +102,9 @@ class Observer:
         """Forget the past of the robots in the mask; their next frame fills the history."""
         self._fresh |= mask
 
-    def observe(self, state: State, gait: Gait, twist: np.ndarray, posture: np.ndarray, action: np.ndarray, latent: np.ndarray) -> np.ndarray:
+    def observe(
+        self, state: State, gait: Gait, twist: np.ndarray, posture: np.ndarray, action: np.ndarray, latent: np.ndarray
+    ) -> np.ndarray:
         """One observation a robot, float32 [n, size].
 
         Args:

@@ -110,9 +110,7 @@ class WalkEnv:
     def _judge(self, state: State, acceleration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         actual = np.column_stack([state.heading_velocity, state.yaw_rate])
         self._mean += self.dt / (self.dt + PERIOD / 2) * (actual - self.twist - self._mean)
-        moment = Moment(
-            state, self.gait, self.twist, self._posture, self._mean, self._actions, acceleration, self._since_push < 1.5
-        )
+        moment = Moment(state, self.gait, self.twist, self._posture, self._mean, self._actions, acceleration, self._since_push < 1.5)
         fell = (state.gravity[:, 2] > -TILT_LIMIT) | (state.position[:, 2] < LOW) | ~self.fleet.finite
         terms = self._rewards.tasks(moment)
         costs = {name: self.penalty * value for name, value in self._rewards.penalties(moment).items()}

@@ -1,0 +1,25 @@
+"""`teleop-bench`: every figure of the README, as a command."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import tyro
+
+from policies.bench import speed, walk
+from policies.errors import PolicyError
+from robots.errors import RobotError
+
+Bench = Annotated[walk.WalkBench, tyro.conf.subcommand("walk")] | Annotated[speed.SpeedBench, tyro.conf.subcommand("speed")]
+
+
+def main() -> None:
+    """Command line of the benches."""
+    config = tyro.cli(Bench, prog="teleop-bench", description=__doc__)
+    try:
+        walk.run(config) if isinstance(config, walk.WalkBench) else speed.run(config)
+    except (PolicyError, RobotError) as error:
+        sys.exit(f"teleop-bench: {error}")
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,0 +1,110 @@
+"""`teleop-bench speed`: what one tick costs on this machine, part by part, and what training makes of the cores."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from mjbatch import Batch
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from policies.command import Command
+from policies.commit import commit
+from policies.ppo.train import Trainer, WalkConfig
+from policies.whole_body import WholeBody
+from robots import catalog
+from robots.catalog import Robot
+from robots.plant import Plant
+
+
+@dataclass(frozen=True)
+class SpeedBench:
+    """Time IK, policy, physics and the whole tick, and training against bare physics.
+
+    Example: teleop-bench speed --json speed.json
+    """
+
+    policy: str = "walk_h1"
+    """Shipped weights by name, or a .safetensors file."""
+    robot: str = "h1"
+    """Name in the catalog."""
+    ticks: int = 1500
+    """Ticks of the loop to time."""
+    updates: int = 4
+    """Training updates to time."""
+    json: Path | None = None
+    """Also write the figures to this file."""
+
+
+def run(config: SpeedBench) -> dict:
+    """Time everything; prints a table and returns the JSON record."""
+    robot = catalog.load(config.robot)
+    with Progress(transient=True) as progress:
+        task = progress.add_task("timing the loop", total=2)
+        stages = loop(robot, config)
+        progress.update(task, advance=1, description="timing training")
+        training = learner(robot, config)
+        progress.advance(task)
+    record = {"ms": stages, "training": training, "commit": commit(), "policy": config.policy}
+    table = Table(title="one tick at 50 Hz")
+    for name in ("part", "p50 ms", "p99 ms"):
+        table.add_column(name, justify="right")
+    for name, row in stages.items():
+        table.add_row(name, f"{row['p50']:.3f}", f"{row['p99']:.3f}")
+    console = Console()
+    console.print(table)
+    console.print(
+        f"training {training['steps_per_second']:.0f} control steps/s, bare physics {training['bare_steps_per_second']:.0f}: {100 * training['share']:.0f} %"
+    )
+    if config.json:
+        config.json.write_text(json.dumps(record, indent=1) + "\n")
+    return record
+
+
+def loop(robot: Robot, config: SpeedBench) -> dict[str, dict[str, float]]:
+    """Percentiles of each part of a tick [ms] while the robot walks and both wrists circle."""
+    plant, policy = Plant(robot), WholeBody(robot, config.policy)
+    state = plant.reset()
+    policy.reset(state)
+    home = Command()
+    took: dict[str, list[float]] = {"ik": [], "policy": [], "physics": [], "tick": []}
+    for tick in range(config.ticks):
+        angle = 2 * np.pi * tick / 100
+        wrists = home.wrists.copy()
+        wrists[:, 1:3] += 0.08 * np.array([np.cos(angle), np.sin(angle)])
+        command = replace(home, engage=True, twist=np.array([0.4, 0.0, 0.2]), wrists=wrists)
+        began = time.perf_counter()
+        target = policy.act(state, command)
+        acted = time.perf_counter()
+        state = plant.step(target)
+        done = time.perf_counter()
+        took["ik"].append(policy.trace.ik_ms)
+        took["policy"].append(policy.trace.policy_ms)
+        took["physics"].append(1e3 * (done - acted))
+        took["tick"].append(1e3 * (done - began))
+    return {name: {"p50": float(np.percentile(t, 50)), "p99": float(np.percentile(t, 99))} for name, t in took.items()}
+
+
+def learner(robot: Robot, config: SpeedBench) -> dict[str, float]:
+    """Training's control steps a second, and those of nothing but physics, one after the other on the same cores."""
+    with tempfile.TemporaryDirectory() as folder:
+        trainer = Trainer(WalkConfig(run=Path(folder), robot=config.robot))
+        trainer.iterate()
+        rates = [trainer.iterate()["steps_per_second"] for _ in range(config.updates)]
+    count = trainer.config.count
+    batch = Batch(robot.model("training"), count)
+    batch.reset(np.ones(count, bool), keyframe=0)
+    batch.bind("ctrl")[:] = robot.spec.home[: robot.spec.body_motors]
+    bare = []
+    for _ in range(config.updates * 4):
+        began = time.perf_counter()
+        batch.step(nstep=4)
+        bare.append(count / (time.perf_counter() - began))
+    fast, slow = float(np.median(bare)), float(np.median(rates))
+    return {"steps_per_second": slow, "bare_steps_per_second": fast, "share": slow / fast}

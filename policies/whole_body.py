@@ -1,0 +1,92 @@
+"""The whole robot: arms by inverse kinematics, hands and neck as told, legs by the trained policy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from policies.command import Command
+from policies.observation import LATENT
+from policies.reach import Reach, Reached
+from policies.walk import Walk
+from robots.catalog import Robot
+from robots.state import State
+from robots.target import Target
+
+
+@dataclass(frozen=True)
+class Trace:
+    """The inside of one `act`, for the page and the recording."""
+
+    observation: np.ndarray
+    """What the leg policy saw [274], float32."""
+    latent: np.ndarray
+    """The motion prior's z [64], float32; zeros without a prior."""
+    action: np.ndarray
+    """What the leg policy answered [12], float32."""
+    reached: Reached
+    """What the arms do about the wrist targets."""
+    ik_ms: float
+    """Time of the inverse kinematics [ms]."""
+    policy_ms: float
+    """Time of everything else [ms]."""
+
+
+class WholeBody:
+    """Composes reach, hands and walk by joint group."""
+
+    def __init__(self, robot: Robot, walk: str) -> None:
+        """walk: shipped leg weights by name, or a .safetensors file.
+
+        Raises:
+            UnknownPolicy, WrongWeights, DamagedWeights: see `policies.checkpoint`.
+        """
+        self._spec = spec = robot.spec
+        self._reach = Reach(robot, dt=1 / spec.policy_rate)
+        self._walk = Walk(robot, walk)
+        self._upper, self._hands, self._neck = spec.group("waist", "arms"), spec.group("hands"), spec.group("neck")
+        self._open = np.maximum(spec.lower, 0.0)[self._hands]
+        self._closed = spec.upper[self._hands]
+        self.trace = Trace(
+            np.zeros(self._walk.observer.size, np.float32), np.zeros(LATENT, np.float32), np.zeros(12, np.float32),
+            self._reach.solve(self._reach.forward(spec.home[self._upper])), 0.0, 0.0,
+        )  # fmt: skip
+
+    @property
+    def card(self) -> dict:
+        """What the leg weights are."""
+        return self._walk.card
+
+    def reset(self, state: State) -> None:
+        """Forget the past; the arms start from where they are."""
+        self._reach.reset(state.q[self._upper])
+        self._walk.reset()
+
+    def act(self, state: State, command: Command) -> Target:
+        """Targets of all motors [41]."""
+        began = perf_counter()
+        reached = self._reach.solve(command.wrists, command.waist)
+        solved = perf_counter()
+        spec, q = self._spec, self._spec.home.copy()
+        q[self._upper] = reached.q + self._reach.sag(reached.q, state.gravity)
+        q[self._hands] = self._open + command.hands.ravel() * (self._closed - self._open)
+        q[self._neck] = command.neck
+        posture = np.array([[command.height, command.roll, command.pitch]])
+        q[spec.group("legs")] = self._walk.act(_alone(state), command.twist[None], posture)[0]
+        done = perf_counter()
+        self.trace = Trace(
+            self._walk.observation[0],
+            np.zeros(LATENT, np.float32),
+            self._walk.action[0],
+            reached,
+            1e3 * (solved - began),
+            1e3 * (done - solved),
+        )
+        return Target(np.clip(q, spec.lower, spec.upper))
+
+
+def _alone(state: State) -> State:
+    """The state of one robot as a batch of one."""
+    return State(**{name: np.asarray(value)[None] for name, value in vars(state).items()})
