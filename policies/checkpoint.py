@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import safetensors.torch
-from torch import Tensor
+import safetensors
 
 from policies.errors import DamagedWeights, UnknownPolicy, WrongWeights
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+# safetensors.torch is imported where tensors are handled: the web process looks names up and never loads torch
 
 SHIPPED = Path(__file__).parent / "weights"
 
@@ -34,6 +39,8 @@ def find(name: str, kind: str) -> Path:
 
 def save(path: Path, tensors: dict[str, Tensor], card: dict) -> None:
     """Write weights and card so that a crash leaves the old pair or the new one."""
+    import safetensors.torch
+
     path.parent.mkdir(parents=True, exist_ok=True)
     for target, data in (
         (path, safetensors.torch.save({k: v.detach().cpu().contiguous() for k, v in tensors.items()})),
@@ -54,6 +61,8 @@ def load(path: Path, expect: dict[str, object]) -> tuple[dict[str, Tensor], dict
         WrongWeights: a field of the card differs.
         DamagedWeights: the file or its card cannot be read.
     """
+    import safetensors.torch
+
     try:
         card = json.loads(path.with_suffix(".json").read_text())
         tensors = safetensors.torch.load_file(path)
