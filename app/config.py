@@ -16,7 +16,7 @@ class Serve:
     """Address to listen on. Other machines reach it through an SSH tunnel."""
     port: int = 8080
     """Port to listen on."""
-    policy: str = "h1-walk"
+    policy: str = "walk_h1"
     """Weights of the leg policy: a shipped name, or a path to a .safetensors file."""
     recordings: Path = Path("recordings")
     """Folder of the recorded episodes."""

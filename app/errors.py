@@ -25,3 +25,10 @@ class NoTokenYet(AppError):
         super().__init__(
             f"{host} can be reached from other machines, and there is no access control yet; use --host 127.0.0.1 and an SSH tunnel"
         )
+
+
+class CannotListen(AppError):
+    """The address cannot be used."""
+
+    def __init__(self, host: str, port: int, why: str) -> None:
+        super().__init__(f"cannot listen on {host}:{port}: {why}; choose another one with --host and --port")

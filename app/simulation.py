@@ -57,7 +57,7 @@ class Simulation:
             raise SimulationFailed(message.sentence)
         self.scheduler = message.scheduler
         self.exchange = Exchange(self._memory, message.layout)
-        while self.lost and self._alive:
+        while self.lost and not self.dead:
             time.sleep(0.005)
         if self.lost:
             raise SimulationFailed("the simulation process died in its first tick")
@@ -71,14 +71,15 @@ class Simulation:
                 self.wait()
 
     @property
-    def _alive(self) -> bool:
-        return self._process is not None and self._process.is_alive()
+    def dead(self) -> bool:
+        """Whether the process is gone."""
+        return self._process is None or not self._process.is_alive()
 
     @property
     def lost(self) -> bool:
         """Whether the process is dead or hangs."""
         newest = self.exchange.snapshots.newest()
-        return not self._alive or newest is None or clock.now() - newest["stamp"] * 1e-9 > SILENCE
+        return self.dead or newest is None or clock.now() - newest["stamp"] * 1e-9 > SILENCE
 
     def snapshot(self) -> np.void:
         """The newest snapshot."""

@@ -7,8 +7,6 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import safetensors
-
 from policies.errors import DamagedWeights, UnknownPolicy, WrongWeights
 
 if TYPE_CHECKING:

@@ -1,0 +1,94 @@
+"""One run of the program, put together: the only place that names what is plugged into what."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+from fastapi import FastAPI
+
+from app import episodes
+from app.config import Serve
+from app.factory import Factory
+from app.inputs.operator import Operators
+from app.mode import Reason
+from app.outputs.tape import RecordingError
+from app.outputs.telemetry import Names, Telemetry
+from app.protocol import Health
+from app.server import create_app
+from app.simulation import Simulation
+from policies import checkpoint
+from policies.episode import Metadata
+from policies.recording.provenance import describe
+from robots import catalog
+
+_log = logging.getLogger(__name__)
+
+WATCH_PERIOD = 0.1
+"""How often the simulation process is checked for life [s]."""
+
+
+class Session:
+    """Everything that lives while the program runs. `close` ends all of it."""
+
+    def __init__(self, config: Serve) -> None:
+        """Start the robot and wait until it stands.
+
+        Raises:
+            RobotError, PolicyError: an unknown name.
+            SimulationFailed: the robot could not be built; the message says why.
+        """
+        self._robot, self._weights = catalog.load(config.robot), checkpoint.find(config.policy, "walk")
+        self.simulation = Simulation(Factory(config.robot, str(self._weights)))
+        self.simulation.start()
+        try:
+            self._model = self._robot.model("play")  # while the other process builds its own
+            self.simulation.wait()
+        except BaseException:
+            self.simulation.close()
+            raise
+        self._host, exchange = config.host, self.simulation.exchange
+        self.operators = Operators(exchange.commands, self.simulation.applied)
+        self.episodes = episodes.Episodes(config.recordings, self._describe, exchange.rows)
+        names = Names(config.robot, self._weights.stem, self._robot.spec.policy_rate)
+        self._telemetry = Telemetry(names, self.simulation, self.operators)
+        self._closing = threading.Event()
+        threading.Thread(target=self._watch, name="watch", daemon=True).start()
+
+    def app(self) -> FastAPI:
+        """The site."""
+        routers = [episodes.router(self.episodes)]
+        return create_app(self.health, self.operators, self.reset, self._host, routers)
+
+    def health(self) -> Health:
+        """The record of this moment."""
+        recording = self.episodes.recorder.status().open
+        return self._telemetry.health(recording.id if recording else None)
+
+    def reset(self) -> None:
+        """Put the robot back home; start the simulation again if it is lost (blocks until it stands)."""
+        if self.simulation.lost:
+            self.simulation.restart()
+        else:
+            self.operators.reset()
+
+    def close(self) -> None:
+        """End the open episode, then the simulation."""
+        self._closing.set()
+        self.episodes.close()
+        self.simulation.close()
+
+    def _describe(self) -> tuple[Metadata, bytes]:
+        reasons = [reason.sentence for reason in Reason]
+        rows = self.simulation.exchange.rows.dtype
+        return describe(self._robot.spec, self._model, rows, self._weights.stem, self._weights, reasons)
+
+    def _watch(self) -> None:
+        """Close the log of a simulation that died."""
+        while not self._closing.wait(WATCH_PERIOD):
+            recording = self.episodes.recorder.status().open
+            if recording and self.simulation.dead:
+                try:
+                    self.episodes.recorder.stop(recording.id)
+                except RecordingError as error:
+                    _log.error("%s", error)
