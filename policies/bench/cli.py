@@ -7,18 +7,28 @@ from typing import Annotated
 
 import tyro
 
-from policies.bench import speed, walk
+from policies.bench import drive, speed, walk
 from policies.errors import PolicyError
 from robots.errors import RobotError
 
-Bench = Annotated[walk.WalkBench, tyro.conf.subcommand("walk")] | Annotated[speed.SpeedBench, tyro.conf.subcommand("speed")]
+Bench = (
+    Annotated[walk.WalkBench, tyro.conf.subcommand("walk")]
+    | Annotated[speed.SpeedBench, tyro.conf.subcommand("speed")]
+    | Annotated[drive.DriveBench, tyro.conf.subcommand("drive")]
+)
 
 
 def main() -> None:
     """Command line of the benches."""
     config = tyro.cli(Bench, prog="teleop-bench", description=__doc__)
     try:
-        walk.run(config) if isinstance(config, walk.WalkBench) else speed.run(config)
+        match config:
+            case walk.WalkBench():
+                walk.run(config)
+            case speed.SpeedBench():
+                speed.run(config)
+            case drive.DriveBench():
+                drive.run(config)
     except (PolicyError, RobotError) as error:
         sys.exit(f"teleop-bench: {error}")
     except KeyboardInterrupt:

@@ -59,8 +59,9 @@ def run(config: SpeedBench) -> dict:
         table.add_row(name, f"{row['p50']:.3f}", f"{row['p99']:.3f}")
     console = Console()
     console.print(table)
+    share = f"{100 * training['share']:.0f} %"
     console.print(
-        f"training {training['steps_per_second']:.0f} control steps/s, bare physics {training['bare_steps_per_second']:.0f}: {100 * training['share']:.0f} %"
+        f"training {training['steps_per_second']:.0f} control steps/s, {share} of bare physics ({training['bare_steps_per_second']:.0f})"
     )
     if config.json:
         config.json.write_text(json.dumps(record, indent=1) + "\n")
