@@ -44,11 +44,7 @@ _TRUNK = {
 
 def capsules() -> dict[str, tuple[str, tuple, tuple, float]]:
     """Name -> (body, from, to, radius) of every collision capsule, both sides."""
-    sided = {
-        f"{side}_{name}": (f"{side}_{body}", a, b, r)
-        for side in ("left", "right")
-        for name, (body, a, b, r) in (_LEG | _ARM).items()
-    }
+    sided = {f"{side}_{name}": (f"{side}_{body}", a, b, r) for side in ("left", "right") for name, (body, a, b, r) in (_LEG | _ARM).items()}
     return _TRUNK | sided
 
 
@@ -61,7 +57,7 @@ def collision_pairs() -> list[tuple[str, str]]:
     arm = ("upper_arm", "elbow", "forearm", "palm", "fingers")
     pairs += [(f"left_{a}", f"right_{b}") for a, b in itertools.product(arm, arm) if (a, b) != ("upper_arm", "upper_arm")]
     pairs += [("left_thigh", "right_thigh"), ("left_shank", "right_shank"), ("left_foot", "right_foot")]
-    return pairs + [("left_foot", "right_shank"), ("left_shank", "right_foot")]
+    return [*pairs, ("left_foot", "right_shank"), ("left_shank", "right_foot")]
 
 
 def build(variant: Variant) -> mujoco.MjSpec:
@@ -78,12 +74,13 @@ def build(variant: Variant) -> mujoco.MjSpec:
     _contacts(spec, bodies, floor_stops_body=variant == "play")
     _senses(spec, bodies)
     if variant == "play":
-        _looks(spec, bodies)
         _cameras(bodies)
         _fingertips(bodies)
     else:
         spec.compiler.fusestatic = True
     _home(spec, moving)
+    if variant == "play":
+        meshes.dress(spec, bodies, capsules())  # after `_home`, which compiles a copy
     return spec
 
 
@@ -100,7 +97,7 @@ def _options(spec: mujoco.MjSpec) -> None:
 
 
 def _bodies(spec: mujoco.MjSpec) -> dict[str, mujoco.MjsBody]:
-    made = {None: spec.worldbody}
+    made: dict[str | None, mujoco.MjsBody] = {None: spec.worldbody}
     for row in H1.bodies:
         body = made[row.parent].add_body(name=row.name, pos=row.pos, quat=row.quat)
         body.mass, body.ipos, body.fullinertia = row.mass, row.com, row.inertia
@@ -174,10 +171,6 @@ def _senses(spec: mujoco.MjSpec, bodies: dict[str, mujoco.MjsBody]) -> None:
         in_pelvis = {"objtype": site, "objname": foot, "reftype": body, "refname": "pelvis"}
         spec.add_sensor(name=f"{foot}_in_pelvis", type=sensor.mjSENS_FRAMEPOS, **in_pelvis)
         spec.add_sensor(name=f"{foot}_velocity_in_pelvis", type=sensor.mjSENS_FRAMELINVEL, **in_pelvis)
-
-
-def _looks(spec: mujoco.MjSpec, bodies: dict[str, mujoco.MjsBody]) -> None:
-    meshes.dress(spec, bodies, capsules())
 
 
 def _cameras(bodies: dict[str, mujoco.MjsBody]) -> None:
