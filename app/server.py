@@ -47,6 +47,7 @@ def create_app(
     """
     app = FastAPI(title="humanoid-teleop", description="Drive a walking humanoid.", version=str(VERSION))
     app.add_middleware(Gate, host=host)
+    app.webhooks.add_api_route("operator", _operator_socket, methods=["POST"], summary="WS /api/operator")
     app.include_router(_control(health, operators, reset), prefix="/api")
     for router in routers:
         app.include_router(router)
@@ -85,6 +86,11 @@ def _control(health: Callable[[], Health], operators: Operators, reset: Callable
             operators.leave(client)
 
     return router
+
+
+def _operator_socket(message: OperatorMessage) -> Answer:  # OpenAPI knows no sockets: /docs shows this one as a webhook
+    """JSON text over a WebSocket: messages at 20 Hz or faster, answers at 20 Hz whether or not anything was said."""
+    raise NotImplementedError
 
 
 async def _first_to_end(*coroutines: Awaitable[None]) -> None:

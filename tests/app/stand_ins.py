@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 
 from app.pilot import TracedPolicy
 from policies.command import Command
+from policies.errors import WrongWeights
 from robots import catalog
 from robots.plant import Plant
 from robots.state import State
@@ -62,7 +65,7 @@ class Faulty(AtHome):
         if what == "raise":
             raise RuntimeError("on purpose")
         if what == "late":
-            time.sleep(0.06)
+            time.sleep(0.6)
         return Target({"nan": self.home * np.nan, "shape": self.home[:3]}.get(what, self.home + 0.01))
 
 
@@ -75,3 +78,23 @@ class Hanging:
     def __call__(self) -> tuple[Plant, TracedPolicy]:
         plant = HangingPlant(catalog.load("h1"))
         return plant, Faulty(plant.spec.home, list(self.script))
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A robot whose weights do not fit."""
+
+    def __call__(self) -> tuple[Plant, TracedPolicy]:
+        raise WrongWeights(Path("x.safetensors"), "robot", "gr1", "h1")
+
+
+def eventually(holds: Callable[[], object], seconds: float = 10.0) -> None:
+    """Wait until it holds; machines that run tests are busy.
+
+    Raises:
+        AssertionError: it does not in that time.
+    """
+    deadline = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < deadline, "it never came true"
+        time.sleep(0.01)

@@ -1,0 +1,143 @@
+"""Clients, lease and merging: what stands in shared memory after what was said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from app.inputs import operator as module
+from app.inputs.operator import Client, Operators
+from app.protocol import OperatorMessage
+from app.shared import COMMAND, Memory, Ring
+from policies.command import Command
+
+POSE = {"position": [0.3, 0.2, 0.1], "quaternion": [1, 0, 0, 0]}
+FOLLOWED = replace(Command(), height=0.93, wrists=np.array([[0.2, 0.3, 0, 1, 0, 0, 0], [0.2, -0.3, 0, 1, 0, 0, 0]]))
+
+
+class Desk:
+    """Operators over a ring, with a clock that tests move."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 50.0
+        monkeypatch.setattr(module.clock, "nanoseconds", lambda: int(self.now * 1e9))
+        self.ring = Ring(Memory().map(Ring.size(COMMAND, 8)), COMMAND, 8)
+        self.operators = Operators(self.ring, lambda: FOLLOWED)
+
+    def say(self, client: Client, **fields) -> None:
+        self.operators.hear(client, OperatorMessage.model_validate({"seq": client.seq + 1, **fields}))
+
+    @property
+    def record(self) -> np.void:
+        return self.ring.newest()
+
+    @property
+    def command(self) -> Command:
+        return Command.from_vector(self.record["vector"])
+
+
+@pytest.fixture
+def desk(monkeypatch: pytest.MonkeyPatch) -> Desk:
+    return Desk(monkeypatch)
+
+
+def test_of_every_field_the_newest_counts(desk: Desk) -> None:
+    client = desk.operators.join()
+    desk.say(client, engage=True, twist={"vx": 0.5})
+    desk.say(client, height=0.9, hands={"left": [0.5] * 6})
+    desk.say(client, neck={"yaw": 0.3})
+    assert desk.command.twist.tolist() == [0.5, 0, 0]
+    assert (desk.command.engage, desk.command.height) == (True, 0.9)
+    assert desk.command.hands.tolist() == [[0.5] * 6, [0.0] * 6]
+    assert desk.command.neck[0] == 0.3
+    assert desk.record["presses"] == 1
+
+
+def test_a_press_starts_from_what_the_robot_does_now(desk: Desk) -> None:
+    client = desk.operators.join()
+    desk.say(client, engage=True, height=0.85, twist={"vx": 0.5}, wrists={"left": POSE})
+    assert desk.record["given"].tolist() == [1, 0]
+    desk.say(client, engage=False)
+    desk.say(client, engage=True)
+    assert desk.command.height == FOLLOWED.height
+    assert not desk.command.twist.any()
+    assert desk.record["given"].tolist() == [0, 0]
+    assert desk.record["presses"] == 2
+
+
+def test_who_only_watches_writes_nothing_and_the_second_one_waits(desk: Desk) -> None:
+    first, second = desk.operators.join(), desk.operators.join()
+    desk.say(second)
+    assert desk.ring.count == 0
+    desk.say(first, engage=True)
+    desk.say(second, engage=True, twist={"vx": 1.0})
+    assert desk.operators.driver is first
+    assert not desk.command.twist.any()
+
+
+def test_leaving_releases_the_robot_at_once(desk: Desk) -> None:
+    first, second = desk.operators.join(), desk.operators.join()
+    desk.say(first, engage=True, twist={"vx": 0.5})
+    desk.operators.leave(first)
+    assert desk.record["stamp"] == 0
+    assert not desk.command.engage
+    assert not desk.command.twist.any()
+    desk.say(second, engage=True)
+    assert desk.operators.driver is second
+    assert desk.record["presses"] == 2
+
+
+def test_two_seconds_of_silence_free_the_lease(desk: Desk) -> None:
+    first, second = desk.operators.join(), desk.operators.join()
+    desk.say(first, engage=True)
+    desk.now += 1.9
+    desk.say(second, engage=True)
+    assert desk.operators.driver is first
+    desk.now += 0.2
+    assert desk.operators.driver is None
+    desk.say(second, engage=True)
+    assert (desk.operators.driver, desk.record["driver"]) == (second, 2)
+
+
+def test_a_take_over_with_a_held_engage_is_no_press(desk: Desk) -> None:
+    first, second = desk.operators.join(), desk.operators.join()
+    desk.say(first, engage=True)
+    desk.say(second, take=True, engage=True)
+    assert (desk.record["driver"], desk.record["presses"]) == (2, 1)
+    desk.say(second, engage=False)
+    desk.say(second, engage=True)
+    assert desk.record["presses"] == 2
+
+
+def test_stop_and_reset_need_no_driver_and_are_no_sign_of_life(desk: Desk) -> None:
+    desk.operators.stop()
+    desk.operators.reset()
+    assert (desk.record["stops"], desk.record["resets"], desk.record["stamp"]) == (1, 1, 0)
+
+
+def test_only_handles_of_the_drivers_page_move_a_wrist_and_they_are_no_sign_of_life(desk: Desk) -> None:
+    driver, watcher = desk.operators.join(), desk.operators.join()
+    pose = np.array([0.25, -0.3, 0.2, 1, 0, 0, 0])
+    desk.say(watcher, page="b")
+    assert not desk.operators.move_wrist(1, pose, "a"), "nobody drives"
+    desk.say(driver, page="a", engage=True)
+    desk.now += 0.1
+    assert not desk.operators.move_wrist(1, pose, "b")
+    assert desk.operators.move_wrist(1, pose, "a")
+    np.testing.assert_array_equal(desk.command.wrists, [FOLLOWED.wrists[0], pose])
+    assert desk.record["given"].tolist() == [0, 1]
+    assert desk.record["stamp"] == 50_000_000_000
+
+
+def test_what_is_out_of_bounds_is_refused_told_and_no_sign_of_life(desk: Desk) -> None:
+    client = desk.operators.join()
+    desk.say(client, engage=True, page="a")
+    before = desk.ring.count
+    desk.now += 0.1
+    desk.say(client, height=50.0)
+    desk.operators.move_wrist(0, np.full(7, np.nan), "a")
+    assert desk.ring.count == before
+    assert desk.operators.rejected == 2
+    assert client.error
