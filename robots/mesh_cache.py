@@ -81,9 +81,9 @@ def _digest(sources: dict[str, Source]) -> str:
 def _read(kept: Path, names: list[str]) -> dict[str, Mesh] | None:
     """What a cached file holds; None if there is none or it is damaged."""
     try:
-        with np.load(kept) as arrays:
+        with kept.open("rb") as file, np.load(file) as arrays:
             return {name: Mesh(arrays[f"{name}.vertices"], arrays[f"{name}.faces"]) for name in names}
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as damage:
         logger.warning("%s is damaged and will be made anew: %s", kept, damage)

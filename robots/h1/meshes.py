@@ -47,6 +47,10 @@ class Package:
         folder = Path(found.origin).parent / self.folder if found and found.origin else None
         return {path.name: path for path in folder.glob("*.STL")} if folder else {}
 
+    def needs(self) -> set[str]:
+        """Names of the files that the H1 shows."""
+        return {part.file for part in PARTS if part.package is self}
+
 
 BODY = Package("robosuite_models", "robosuite-models==1.0.0", "assets/robots/h1/meshes", "the body", keep=0.28)
 HANDS = Package(
@@ -107,7 +111,6 @@ def _parts() -> Iterator[Part]:
 
 PARTS = tuple(_parts())
 
-
 _PRIMITIVES: tuple[tuple[str, Rgba, float, Vec, Vec], ...] = (
     ("ankle_pitch_link", METAL, 0.022, (0, -0.03, 0), (0, 0.03, 0)),
     ("wrist_pitch_link", METAL, 0.029, (0, -0.03, 0), (0, 0.03, 0)),
@@ -118,24 +121,20 @@ _PRIMITIVES: tuple[tuple[str, Rgba, float, Vec, Vec], ...] = (
 
 def missing() -> list[str]:
     """One sentence for each data package that is not installed: what it draws and how to install it."""
-    lacking = []
-    for package in (BODY, HANDS):
-        installed = package.installed()
-        if any(part.package is package and part.file not in installed for part in PARTS):
-            lacking.append(package)
-    return [f"no meshes for {p.draws}, so it is drawn plainly; to get them run: pip install {p.flags}{p.requirement}" for p in lacking]
+    plain = [package for package in (BODY, HANDS) if package.needs() - package.installed().keys()]
+    return [f"no meshes for {p.draws}, so it is drawn plainly; to get them run: pip install {p.flags}{p.requirement}" for p in plain]
 
 
 def dress(spec: mujoco.MjSpec, bodies: dict[str, mujoco.MjsBody], capsules: Capsules) -> None:
     """Give every link a visible shape: its mesh if that is installed, else its capsules, else bones to the next joints."""
-    files = {package: package.installed() for package in (BODY, HANDS)}
-    parts = {part.name: part for part in PARTS if part.file in files[part.package]}
-    sources = {
-        name: Source(files[part.package][part.file], part.cut, part.scale, part.shift, part.package.keep) for name, part in parts.items()
-    }
-    for name, mesh in load(sources, H1.name).items() if sources else ():
-        _add_mesh(spec, bodies[parts[name].link], name, mesh, parts[name].rgba)
-    dressed = {part.link for part in parts.values()} | _add_primitives(bodies)
+    dressed = _add_primitives(bodies)
+    for package in (BODY, HANDS):
+        files = package.installed()
+        parts = {part.name: part for part in PARTS if part.package is package and part.file in files}
+        sources = {name: Source(files[p.file], p.cut, p.scale, p.shift, package.keep) for name, p in parts.items()}
+        for name, mesh in load(sources, f"{H1.name}-{package.module}").items() if sources else ():
+            _add_mesh(spec, bodies[parts[name].link], name, mesh, parts[name].rgba)
+            dressed.add(parts[name].link)
     _add_plain_shapes(bodies, set(bodies) - dressed, capsules)
 
 
@@ -170,7 +169,7 @@ def _add_plain_shapes(bodies: dict[str, mujoco.MjsBody], links: set[str], capsul
     for link, start, end, radius in capsules.values():
         if link in with_capsule:
             _capsule(bodies[link], BLACK, radius, start, end)
-    for link in links - with_capsule:
+    for link in sorted(links - with_capsule):  # sorted: every process builds the same model
         rgba, radius = _bone(link)
         for end in _next_joints(link):
             _capsule(bodies[link], rgba, radius, (0, 0, 0), end)

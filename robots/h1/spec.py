@@ -94,7 +94,8 @@ def _mirrored(body: Body) -> Body:
 
 
 def _bodies() -> tuple[Body, ...]:
-    # TeleVision's left and right torso-side links are exact mirrors (0 difference in its tables)
+    # TeleVision's right links are exact mirrors too, but for three links from elbow to wrist: there it repeats the left's
+    # centre of mass and inertia without changing signs (up to 4.6 mm), which this table does not
     right = tuple(_mirrored(b) for b in _CENTRE_AND_LEFT if b.name.startswith("left_"))
     return _CENTRE_AND_LEFT + right + _HANDS + _NECK
 
