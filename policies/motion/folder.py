@@ -123,8 +123,11 @@ def _person(path: Path, sides: dict[tuple, np.ndarray]) -> Person:
 
 
 def _tell(console: Console, outcomes: list[Outcome]) -> None:
-    table = Table(title="retargeted", caption="clipped: arm samples beyond a joint limit; mended: by inverse kinematics; errors: wrist, mean")
-    for column in ("category", "train", "val", "minutes", "clipped", "mended", "against closed form", "against the person"):
+    table = Table(
+        title="retargeted",
+        caption="clipped: beyond a joint limit; mended: by inverse kinematics; cleared: moved out of the body; then mean wrist errors",
+    )
+    for column in ("category", "train", "val", "minutes", "clipped", "mended", "cleared", "closed form", "person"):
         table.add_column(column, justify="left" if column == "category" else "right")
     by: defaultdict[str, list[Outcome]] = defaultdict(list)
     for outcome in outcomes:
@@ -159,6 +162,7 @@ def _cells(members: list[Outcome]) -> list[str]:
         f"{sum(clip.seconds for clip in clips) / 60:.1f}",
         f"{mean('clipped'):.1%}",
         f"{mean('mended'):.1%}",
+        f"{mean('moved_clear'):.1%}",
         f"{1000 * mean('wrist_error'):.0f} mm",
         f"{1000 * mean('human_error'):.0f} mm",
     ]

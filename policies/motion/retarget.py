@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from policies.motion.arms import Arms
+from policies.motion.clear import Clear
 from policies.motion.follow import Follower
 from policies.motion.person import Person
 from policies.motion.smooth import bound_speed, low_pass, resample
@@ -37,8 +38,10 @@ class Retargeted:
     """Share of the arm samples with a joint more than 0.05 rad beyond its limit, before it was held to it."""
     mended: float
     """Share of the frames that inverse kinematics made."""
+    moved_clear: float
+    """Share of the samples in which arms were moved out of the body."""
     wrist_error: float
-    """Mean distance from the wrist that limits, speeds and smoothing allow to the one the closed form asks for [m]."""
+    """Mean distance from the wrist that limits, speeds, the body and smoothing allow to the one the closed form asks for [m]."""
     human_error: float
     """Mean distance from the robot's wrist to the person's, both seen from the shoulder in the chest frame, the person's arm
     stretched to the robot's length [m]. Bones of other proportions make most of it: rotations are kept, not places."""
@@ -49,6 +52,7 @@ class Retargeter:
 
     def __init__(self, robot: Robot) -> None:
         self._spec, self._arms, self._follower = robot.spec, Arms.of(robot.spec), Follower(robot)
+        self._clear = Clear(robot)
         self._leg = _length(robot.spec, "knee_link", "ankle_pitch_link")
         self._bones = np.array(
             [_length(robot.spec, "shoulder_yaw_link", "elbow_pitch_link"), _length(robot.spec, "elbow_roll_link", "wrist_pitch_link")]
@@ -60,10 +64,11 @@ class Retargeter:
         closed = arms.solve(person)
         held = np.clip(closed, arms.lower, arms.upper)
         speed = np.abs(np.diff(held, axis=0, prepend=held[:1])) * rate
-        jumps = (speed[:, 1:].reshape(-1, 2, 7) > JUMP).any(-1)
+        jumps = speed[:, 1:].reshape(-1, 2, 7).max(-1) > JUMP
         followed = self._follower.mend(closed, held, jumps, rate)
-        q = bound_speed(resample(low_pass(followed, rate, CUTOFF), rate, wanted), arms.speed / wanted)
-        q = np.clip(q, arms.lower, arms.upper)
+        smooth = np.clip(resample(low_pass(followed, rate, CUTOFF), rate, wanted), arms.lower, arms.upper)
+        clear = self._clear(smooth, wanted)
+        q = bound_speed(clear, arms.speed / wanted)
         twist, height = self._base(person)
         beyond = np.maximum(arms.lower - closed, closed - arms.upper)[:, 1:].reshape(-1, 2, 7)
         return Retargeted(
@@ -71,6 +76,7 @@ class Retargeter:
             twist=twist[: len(q)],
             height=height[: len(q)],
             clipped=float((beyond > CLIPPED).any(-1).mean()),
+            moved_clear=float((clear != smooth).any(-1).mean()),
             mended=float((followed != held).any(-1).mean()),
             wrist_error=self._wrist_error(closed, q, rate),
             human_error=self._human_error(person, q),
