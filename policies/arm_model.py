@@ -48,14 +48,17 @@ class ArmModel:
             body = model.body_parentid[body]
         return found
 
+    def pose(self, q: np.ndarray) -> None:
+        """Move the joints to q [size], rad. Enough for the wrists and for torques; says nothing of obstacles."""
+        self._data.qpos[self._order] = q
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+
     def place(self, q: np.ndarray) -> None:
         """Move the joints to q [size], rad; everything below speaks of this placement."""
-        model, data = self._model, self._data
-        data.qpos[self._order] = q
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_collision(model, data)
-        mujoco.mj_makeConstraint(model, data)
+        self.pose(q)
+        mujoco.mj_collision(self._model, self._data)
+        mujoco.mj_makeConstraint(self._model, self._data)
 
     def wrists(self) -> np.ndarray:
         """Left and right wrist: position [m] and quaternion wxyz in the pelvis frame [2, 7]."""
@@ -96,10 +99,17 @@ class ArmModel:
         """The smallest of those distances, at most `SIGHT` [m]."""
         return min(self._data.efc_pos.tolist(), default=SIGHT)
 
-    def gravity_torque(self, gravity: np.ndarray) -> np.ndarray:
-        """Torque that holds the joints still [size], N m, under a unit gravity direction in the pelvis frame [3]."""
-        self._model.opt.gravity[:] = 9.81 * gravity
-        mujoco.mj_rne(self._model, self._data, 0, self._torque)
+    def torque(self, speed: np.ndarray, acceleration: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """Torque that gives the joints a speed [size], rad/s, and an acceleration [size], rad/s^2, from here on [size], N m.
+
+        gravity: its unit direction in the pelvis frame [3].
+        """
+        model, data = self._model, self._data
+        model.opt.gravity[:] = 9.81 * gravity
+        data.qvel[self._order], data.qacc[self._order] = speed, acceleration
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_rne(model, data, 1, self._torque)
+        self._torque += model.dof_armature * data.qacc + model.dof_damping * data.qvel
         return self._torque[self._order].copy()
 
 

@@ -20,8 +20,8 @@ from robots.catalog import Robot
 
 SPEED_SHARE, TOP_SPEED = 0.6, 6.0
 """A joint uses at most this share of its motor's speed, and never more than this [rad/s]."""
-GAIN = 0.6
-"""Share of the error that one tick removes: a wrist follows a steady drag 13 ms behind."""
+GAIN = 0.4
+"""Share of the error that one tick removes: a wrist follows a steady drag 30 ms behind."""
 WEIGHTS = (1.0, 0.15)
 """Weights of a wrist's translation [1/m] and rotation [1/rad]: where both cannot be had, place goes first."""
 BOUNDS = (0.12, 0.35)
@@ -82,7 +82,7 @@ class ArmSolver:
         self._posture = np.where(waist, SHARED if use_waist else HOLD, POSTURE) ** 2
         self._arms = model.arms & ~waist
         self._moved = model.arms.astype(float)
-        self._side = [None if both else int(right) for both, right in zip(model.arms.all(0), model.arms[1], strict=True)]
+        self._side = [None if left and right else int(right) for left, right in model.arms.T.tolist()]
         self._weights = np.repeat(np.square(WEIGHTS * 2), 3)[:, None].repeat(self.size, axis=1)
         self.natural = spec.home[group].copy()
         """The posture that the arms would like best [n], rad."""
@@ -97,10 +97,10 @@ class ArmSolver:
 
     def swing(self, arm: int, posture: np.ndarray | None) -> None:
         """Let an arm go to a posture [n] before it cares for its target, or (None) back to its target at once."""
-        joints, swings = self._arms[arm], posture is not None
-        self.natural[joints] = (posture if swings else self._home)[joints]
-        self._posture[joints] = (SWING if swings else POSTURE) ** 2
-        self._stride[joints] = self._fastest[joints] * (SWING_SPEED if swings else 1.0)
+        joints = self._arms[arm]
+        self.natural[joints] = (self._home if posture is None else posture)[joints]
+        self._posture[joints] = (POSTURE if posture is None else SWING) ** 2
+        self._stride[joints] = self._fastest[joints] * (1.0 if posture is None else SWING_SPEED)
 
     def step(self, wrists: np.ndarray, still: tuple[bool, bool] = (False, False)) -> Blocked | None:
         """Move `q` one tick towards the poses [2, 7], without the arms marked `still`; None if no step was found."""

@@ -13,10 +13,11 @@ LOST = (0.015, 0.1)
 """Errors that are worth a detour [m, rad]."""
 CLOSING, CLOSING_HELD = 0.02, 0.1
 """An arm whose error falls by this share in a tick needs no help; the second, if a limit or its body holds it back."""
-PATIENCE = 3
-"""Ticks that an arm must be stuck before it looks for another posture."""
-SAME = (0.01, 0.05)
-"""A target that moves by less is the same target [m, rad]. A hand that is being led never makes detours."""
+PATIENCE, QUIET = 3, 8
+"""Ticks that an arm must be stuck, and its target must have stood still, before it looks for another posture: a hand that is
+being led makes no detours."""
+STILL, SAME = (0.004, 0.02), (0.05, 0.25)
+"""A target that moves by less stands still; one that moves by less is the one for which a posture was sought [m, rad]."""
 THERE = 0.04
 """A posture is taken when every joint is this near [rad]."""
 TIMEOUT = 75
@@ -28,33 +29,39 @@ class Detour:
 
     def __init__(self, scout: Scout, arm: int) -> None:
         self._scout, self._arm = scout, arm
-        self.forget(np.zeros(7))
+        self.reset(np.zeros(7))
 
-    def forget(self, target: np.ndarray) -> None:
-        """A new target [7]: nothing has been tried for it."""
-        self._target, self._stuck, self._age = target.copy(), 0, 0
+    def reset(self, target: np.ndarray) -> None:
+        """Stand at a target [7] for which nothing has been tried."""
+        self._target, self._quiet, self._stuck, self._age = target.copy(), 0, 0, 0
+        self._tried: np.ndarray | None = None
         self._search: Iterator[np.ndarray | None] | None = None
-        self._tried = False
         self.posture: np.ndarray | None = None
         """The posture [n] to swing to now, None to follow the target."""
 
     def update(self, target: np.ndarray, q: np.ndarray, gap: Sequence[float], before: Sequence[float], held: bool) -> None:
         """One tick: joint targets q [n], the arm's distance and angle to its target [7] now and a tick ago, whether it is held back."""
-        if _apart(target, self._target):
-            self.forget(target)
+        if _apart(target, self._target, STILL):
+            self._target, self._quiet, self._stuck, self._search = target.copy(), 0, 0, None
+        self._quiet += 1
+        if self._tried is not None and _apart(target, self._tried, SAME):
+            self._tried = self.posture = None
         if self.posture is not None:
             self._age += 1
             if np.abs(q - self.posture)[self._scout.joints[self._arm]].max() < THERE or self._age > TIMEOUT:
                 self.posture = None
         elif self._search is not None:
             self._look()
-        elif not self._tried:
-            lost = gap[0] > LOST[0] or gap[1] > LOST[1]
-            least = CLOSING_HELD if held else CLOSING
-            closing = any(now < (1 - least) * then for now, then in zip(gap, before, strict=True))
-            self._stuck = self._stuck + 1 if lost and not closing else 0
-            if self._stuck > PATIENCE:
-                self._tried, self._search = True, self._scout.search(self._arm, self._target, q)
+        elif self._tried is None and self._quiet > QUIET and self._is_stuck(gap, before, held):
+            self._tried, self._search = target.copy(), self._scout.search(self._arm, target.copy(), q)
+
+    def _is_stuck(self, gap: Sequence[float], before: Sequence[float], held: bool) -> bool:
+        """Whether the arm is off its target and has not come nearer for some ticks."""
+        least = CLOSING_HELD if held else CLOSING
+        lost = any(now > worth for now, worth in zip(gap, LOST, strict=True))
+        closing = any(now < (1 - least) * then for now, then in zip(gap, before, strict=True))
+        self._stuck = self._stuck + 1 if lost and not closing else 0
+        return self._stuck > PATIENCE
 
     def _look(self) -> None:
         """Let the scout think for a tick."""
@@ -67,7 +74,7 @@ class Detour:
             self._search, self._age = None, 0
 
 
-def _apart(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two poses [7] are different targets."""
+def _apart(one: np.ndarray, other: np.ndarray, least: tuple[float, float]) -> bool:
+    """Whether two poses [7] differ by more than a distance [m] or an angle [rad]."""
     cosine = min(abs(float(one[3:].dot(other[3:]))), 1.0)
-    return math.dist(one[:3], other[:3]) > SAME[0] or 2 * math.acos(cosine) > SAME[1]
+    return math.dist(one[:3], other[:3]) > least[0] or 2 * math.acos(cosine) > least[1]

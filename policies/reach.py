@@ -10,6 +10,8 @@ import numpy as np
 from policies.arm_model import ArmModel
 from policies.arm_solver import ArmSolver, Blocked
 from policies.detour import Detour
+from policies.feedforward import DOWN, Feedforward
+from policies.pose import wrist_poses
 from policies.scout import Scout
 from robots.catalog import Robot
 
@@ -17,9 +19,6 @@ ARRIVED = (0.005, 0.03)
 """An error below this needs no reason [m, rad]."""
 CLOSING = 0.02
 """An arm whose error falls by this share in a tick is on its way."""
-FARTHEST = 5.0
-"""A target farther than this from the pelvis was not meant [m]."""
-DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True)
@@ -52,24 +51,25 @@ class Reach:
         self._solver = ArmSolver(robot, self._model, dt, use_waist)
         self._still = ArmModel(robot)
         """A second placement, for questions that must not move the arms."""
-        self._kp = np.array([j.kp for j in motors])
         self._yaw = next((i for i, j in enumerate(motors) if j.group == "waist" and abs(j.axis[2]) > 0.5), None)
         self._scout = Scout(robot)
         self._detours = [Detour(self._scout, arm) for arm in range(2)]
+        self._feedforward = Feedforward(robot, dt)
         self.reset(spec.home[self._group])
 
     def reset(self, q: np.ndarray) -> None:
         """Start from joint angles q [n] of waist and arms, rad; they are the posture until `solve` moves them."""
         self._solver.place(q)
+        self._feedforward.reset(self._solver.q)
         self._targets = self._model.wrists()
         self._solver.gaps = [0.0] * 4
         for arm, detour in enumerate(self._detours):
-            detour.forget(self._targets[arm])
+            detour.reset(self._targets[arm])
             self._solver.swing(arm, None)
 
     def solve(self, wrists: np.ndarray, waist: float = 0.0) -> Reached:
         """One tick towards two wrist poses [2, 7] in the pelvis frame and a waist yaw [rad]. Never raises, whatever it is given."""
-        poses = _poses(wrists)
+        poses = wrist_poses(wrists)
         for target, pose in zip(self._targets, poses, strict=True):
             if pose is not None:
                 target[:] = pose
@@ -78,13 +78,15 @@ class Reach:
         before, still = self._solver.gaps, (poses[0] is None, poses[1] is None)
         blocked = None if all(still) else self._solver.step(self._targets, still)
         reasons = [self._reason(i, blocked, before) if pose is not None else "invalid" for i, pose in enumerate(poses)]
-        self._plan(before, blocked)
+        self._plan(reasons, before, blocked)
         gaps = np.array(self._solver.gaps).reshape(2, 2)
         return Reached(self._solver.q.copy(), self._model.wrists(), (reasons[0], reasons[1]), gaps)
 
-    def _plan(self, before: list[float], blocked: Blocked | None) -> None:
+    def _plan(self, reasons: list[str], before: list[float], blocked: Blocked | None) -> None:
         """Decide for the next tick which arm goes to its target and which one changes its posture first."""
         for arm, detour in enumerate(self._detours):
+            if reasons[arm] == "invalid":
+                continue
             swinging = detour.posture
             held = blocked is not None and (blocked.limit[arm] or blocked.collision[arm])
             mine = slice(2 * arm, 2 * arm + 2)
@@ -110,28 +112,16 @@ class Reach:
 
     def forward(self, q: np.ndarray) -> np.ndarray:
         """Wrist poses [2, 7] in the pelvis frame at joint angles q [n] of waist and arms, rad."""
-        self._still.place(q)
+        self._still.pose(q)
         return self._still.wrists()
 
-    def sag(self, q: np.ndarray, gravity: np.ndarray = DOWN) -> np.ndarray:
-        """What to add to joint targets q [n] so that motors that are springs hold q against gravity [n], rad.
+    def lead(self, gravity: np.ndarray = DOWN) -> np.ndarray:
+        """What to add to `Reached.q` so that the motors are there in time [n], rad; once after each `solve`.
 
         gravity: its unit direction in the pelvis frame [3] (`State.gravity`).
         """
-        self._still.place(q)
-        return self._still.gravity_torque(gravity) / self._kp
+        return self._feedforward.step(self._solver.q, gravity)
 
-
-def _poses(wrists: np.ndarray) -> tuple[list[float] | None, list[float] | None]:
-    """Both targets as seven numbers with a unit quaternion, None where a target is no pose."""
-    try:
-        left, right = np.asarray(wrists, dtype=float).reshape(2, 7).tolist()
-    except (TypeError, ValueError):
-        return None, None
-    return _pose(left), _pose(right)
-
-
-def _pose(row: list[float]) -> list[float] | None:
-    length = math.hypot(*row[3:])
-    near = all(abs(x) < FARTHEST for x in row[:3])  # false for a NaN
-    return [*row[:3], *(x / length for x in row[3:])] if near and abs(length - 1) < 0.01 else None
+    def sag(self, q: np.ndarray, gravity: np.ndarray = DOWN) -> np.ndarray:
+        """What to add to joint targets q [n] so that the motors hold q against gravity, standing still [n], rad."""
+        return self._feedforward.sag(q, gravity)

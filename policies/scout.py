@@ -44,7 +44,7 @@ class Scout:
         self.lengths = np.zeros(2)
         """The farthest that each wrist gets from its shoulder [2], m."""
         for posture, wrists in zip(self._postures, self._wrists, strict=True):
-            self._model.place(posture)
+            self._model.pose(posture)
             wrists[:] = self._model.wrists()
             self.lengths = np.maximum(self.lengths, np.linalg.norm(wrists[:, :3] - self._model.shoulders(), axis=1))
 

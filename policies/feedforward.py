@@ -1,0 +1,50 @@
+"""What a spring-like motor must be told beyond the angle: the torque that its joint needs on the way.
+
+The arms' motors are soft (140 N m/rad at a shoulder): under their own weight the wrists hang 21 mm low, and after a quick
+move they swing for two seconds. Both are known in advance from the equations of motion.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from policies.arm_model import ArmModel
+from robots.catalog import Robot
+
+DOWN = np.array([0.0, 0.0, -1.0])
+"""Gravity in the frame of an upright pelvis."""
+
+
+class Feedforward:
+    """Turns joint angles that waist and arms shall have into joint targets that make them have those angles.
+
+    The pelvis counts as unmoved; gravity may come from any side.
+    """
+
+    def __init__(self, robot: Robot, dt: float = 0.02) -> None:
+        spec, group = robot.spec, robot.spec.group("waist", "arms")
+        self._model, self._dt = ArmModel(robot), dt
+        motors = spec.motors[group]
+        self._kp, self._kd, self._effort = (np.array([getattr(j, key) for j in motors]) for key in ("kp", "kd", "effort"))
+        self.reset(spec.home[group])
+
+    def reset(self, q: np.ndarray) -> None:
+        """The joints rest at q [n], rad."""
+        self._q, self._speed = np.array(q, dtype=float), np.zeros(len(q))
+
+    def step(self, q: np.ndarray, gravity: np.ndarray = DOWN) -> np.ndarray:
+        """What to add to the joint targets q [n] of this tick, rad. gravity: its unit direction in the pelvis frame [3]."""
+        speed = (q - self._q) / self._dt
+        acceleration = (speed - self._speed) / self._dt
+        self._q, self._speed = q.copy(), speed
+        return self._offset(q, speed, acceleration, gravity)
+
+    def sag(self, q: np.ndarray, gravity: np.ndarray = DOWN) -> np.ndarray:
+        """The same for joints that stand still at q [n]: what makes up for their sagging, rad."""
+        still = np.zeros(len(q))
+        return self._offset(q, still, still, gravity)
+
+    def _offset(self, q: np.ndarray, speed: np.ndarray, acceleration: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        self._model.pose(q)
+        torque = self._model.torque(speed, acceleration, gravity)
+        return (np.clip(torque, -self._effort, self._effort) + self._kd * speed) / self._kp
