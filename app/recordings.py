@@ -22,10 +22,13 @@ def episodes(directory: Path) -> int:
     """List the episodes of a folder. Returns 1 when a file cannot be read."""
     library = Library(directory)
     infos = library.infos()
-    table = Table("episode", "date", "seconds", "rows", "label", "success", "gaps", "ended", "file")
+    table = Table(box=None)
+    for heading in ("episode", "date", "seconds", "rows", "label", "success", "gaps", "ended", "file"):
+        table.add_column(heading, no_wrap=heading != "label")
     for info in infos:
         table.add_row(*map(Text, _cells(info)))
-    Console().print(table if infos else f"no episodes in {directory}")
+    width = None if sys.stdout.isatty() else 200  # whole lines for grep
+    Console(width=width).print(table if infos else f"no episodes in {directory}")
     for sentence in library.damaged.values():
         _complain(sentence)
     return 1 if library.damaged else 0

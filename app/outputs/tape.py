@@ -84,7 +84,6 @@ class Tape:
 
     def pump(self) -> None:
         """Take what the simulation pushed since; keep it when an episode is open. Never raises."""
-        self._cursor = min(self._cursor, self._rows.count)  # a simulation that was started again counts from 0
         rows, lost = self._rows.since(self._cursor)
         self._cursor += len(rows) + lost
         if self.open is None or self._session is None:
@@ -110,8 +109,9 @@ class Tape:
             if self._session is None:
                 self._session = self._new_session(metadata, model)
             self.open = self._begin(self._session, label)
-        self.alarm = None
-        return self.open.id
+        self.alarm, self._flushed, id = None, 0.0, self.open.id
+        self.pump()  # a disk that made the file slowly has let rows pile up
+        return id
 
     def stop(self, id: str, ended: Ending, label: str | None = None, success: bool | None = None) -> EpisodeInfo:
         """Close the open episode and wait until the disk has it.
@@ -179,7 +179,6 @@ class Tape:
         session.writer.flush()
         if self._number == 1:
             session.file.publish()
-        self._flushed = time.monotonic()
         return session.writer.info
 
     @contextmanager

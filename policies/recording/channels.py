@@ -99,5 +99,6 @@ def _base(state: np.ndarray, metadata: Metadata) -> dict[str, float | None]:
         time=state[0], position=qpos[:3], quaternion=qpos[3:7], velocity=qvel[:3], gyro=qvel[3:6],
         q=none, dq=none, feet=none, feet_velocity=none, touch=none,
     )  # fmt: skip
-    values = np.concatenate([base.position, [base.yaw], base.roll_pitch, base.heading_velocity, [base.yaw_rate]])
+    with np.errstate(all="ignore"):  # a diverged simulation is recorded too
+        values = np.concatenate([base.position, [base.yaw], base.roll_pitch, base.heading_velocity, [base.yaw_rate]])
     return _named(("x", "y", "z", "yaw", "roll", "pitch", "vx", "vy", "yaw_rate"), values)

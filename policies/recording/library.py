@@ -49,7 +49,8 @@ class Library:
             metadata = recording.metadata
             every = max(round(metadata.rate / rate), 1)
             blocks = [metadata.qpos(rows)[rows["tick"] % every == 0] for rows in recording.blocks(info.number)]
-        return np.concatenate([np.empty((0, metadata.nq)), *blocks]).astype(np.float32)
+        with np.errstate(over="ignore"):  # a diverged simulation is recorded too
+            return np.concatenate([np.empty((0, metadata.nq)), *blocks]).astype(np.float32)
 
     def delete(self, info: EpisodeInfo) -> None:
         """Rewrite the episode's file without it and without the discarded ones.

@@ -85,6 +85,6 @@ class Recording:
 
     def _metadata(self, found: Contents) -> Metadata:
         described = [start["metadata"] for start in found.starts.values()] or [read_session(self._file)]
-        if not any(described):
+        if not found.chunks or not any(described):
             raise DamagedRecording(self.path, "it holds no readable episode", "choose a file that `teleop` recorded")
         return Metadata.from_json(described[0])
