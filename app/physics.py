@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
 import mujoco
@@ -13,6 +14,8 @@ from robots.plant import Plant
 from robots.state import State
 from robots.target import Target
 
+_log = logging.getLogger(__name__)
+
 
 class Physics:
     """The plant, and the last state of it that was good."""
@@ -20,6 +23,7 @@ class Physics:
     def __init__(self, plant: Plant, report: Callable[[Reason], None]) -> None:
         """`report` is called with the fault when the physics diverged."""
         self.plant, self._report = plant, report
+        mujoco.set_mju_user_warning(_log.warning)  # otherwise it writes MUJOCO_LOG.TXT where the program was started
         self.before = plant.save()
         """The integration state before the newest step [nstate]."""
         self.time = 0.0

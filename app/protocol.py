@@ -102,8 +102,6 @@ class OperatorMessage(Wire):
     """Take the lease from whoever drives; the robot holds until the next fresh press."""
     name: Annotated[str, Field(min_length=1, max_length=40)] | None = None
     """How others see this client; otherwise it is numbered."""
-    page: Annotated[str, Field(min_length=1, max_length=64)] | None = None
-    """Which page this client belongs to: handles dragged there move this client's wrists."""
 
     @property
     def drives(self) -> bool:

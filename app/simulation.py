@@ -71,6 +71,11 @@ class Simulation:
                 self.wait()
 
     @property
+    def pid(self) -> int | None:
+        """Of the newest process."""
+        return self._process and self._process.pid
+
+    @property
     def dead(self) -> bool:
         """Whether the process is gone."""
         return self._process is None or not self._process.is_alive()

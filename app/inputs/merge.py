@@ -1,4 +1,4 @@
-"""One driver's command, put together from messages that need not be complete and from dragged handles."""
+"""One driver's command, put together from messages that need not be complete."""
 
 from __future__ import annotations
 
@@ -33,13 +33,6 @@ class Merged:
         given = message.wrists and (message.wrists.left is not None, message.wrists.right is not None)
         left, right = given or (False, False)
         return replace(base, command=command, given=(base.given[0] or left, base.given[1] or right))
-
-    def with_wrist(self, side: int, pose: np.ndarray) -> Merged:
-        """A handle was dragged: left 0, right 1; position [m] and quaternion wxyz in the pelvis frame [7]."""
-        wrists = self.command.wrists.copy()
-        wrists[side] = pose
-        given = (self.given[0] or side == 0, self.given[1] or side == 1)
-        return replace(self, command=replace(self.command, wrists=wrists), given=given)
 
 
 def _fields(message: OperatorMessage, before: Command) -> dict:

@@ -24,8 +24,6 @@ class Client:
     key: str
     name: str
     """What others see."""
-    page: str | None = None
-    """The page whose handles are this client's."""
     seq: int = -1
     """Of the newest message."""
     error: str | None = None
@@ -43,7 +41,7 @@ class Operators:
         self._clients: dict[str, Client] = {}
         self._joined = self._stops = self._resets = self._stamp = 0
         self.rejected = 0
-        """Messages and drags that were refused."""
+        """Messages that were refused, or a part of them."""
 
     def join(self) -> Client:
         """A socket opened; it watches."""
@@ -65,45 +63,19 @@ class Operators:
         """A message arrived: a sign of life, and from the driver a command."""
         stamp = clock.nanoseconds()
         with self._lock:
-            client.seq, client.name, client.page = message.seq, message.name or client.name, message.page or client.page
+            client.seq, client.name = message.seq, message.name or client.name
             before = self._lease.number
             if not self._lease.hear(client.key, stamp * 1e-9, wants=message.drives, takes=message.take):
                 return
             merged = self._merged
             if self._lease.number != before:
                 merged = merged.handed_over(engaged=message.take and bool(message.engage))
-            merged = merged.with_message(message, self._applied())
-            if sane(merged.command.vector()):
-                self._stamp = stamp
-                self._write(merged)
-            else:
-                self._refuse(client, "a number is out of bounds")
+            self._take(client, merged, message, stamp)
 
     def refuse(self, client: Client, why: str) -> None:
         """A message was not what app.protocol says: no sign of life, and the client is told."""
         with self._lock:
             self._refuse(client, why)
-
-    def move_wrist(self, side: int, pose: np.ndarray, page: str) -> bool:
-        """A handle was dragged on a page. Returns whether that page's operator drives.
-
-        It is no sign of life: that is the operator's message.
-
-        Args:
-            side: left 0, right 1.
-            pose: position [m] and quaternion wxyz in the pelvis frame [7].
-            page: where; see OperatorMessage.page.
-        """
-        with self._lock:
-            driver = self._clients.get(self._lease.holder or "")
-            if driver is None or driver.page != page:
-                return False
-            merged = self._merged.with_wrist(side, pose)
-            if sane(merged.command.vector()):
-                self._write(merged)
-            else:
-                self._refuse(driver, "a handle is out of bounds")
-            return True
 
     def stop(self) -> None:
         """Anybody pressed Stop."""
@@ -128,6 +100,19 @@ class Operators:
     def count(self) -> int:
         """Open sockets."""
         return len(self._clients)
+
+    def _take(self, client: Client, merged: Merged, message: OperatorMessage, stamp: int) -> None:
+        """Write what the driver says; a wrist that is out of bounds keeps its last good target."""
+        applied = self._applied()
+        new = merged.with_message(message, applied)
+        if message.wrists and not sane(new.command.vector()):
+            self._refuse(client, "a wrist is out of bounds")
+            new = merged.with_message(message.model_copy(update={"wrists": None}), applied)
+        if not sane(new.command.vector()):
+            self._refuse(client, "a number is out of bounds")
+            return
+        self._stamp = stamp
+        self._write(new)
 
     def _refuse(self, client: Client, why: str) -> None:
         client.error = why

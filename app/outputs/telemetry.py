@@ -6,11 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app import clock
 from app.inputs.operator import Operators
 from app.mode import Mode, Reason
 from app.protocol import Applied, Base, BothWrists, Health, Latency, Percentiles, Pose, Wrist
+from app.shared import Ring
 from app.simulation import Simulation
 from policies.command import Command
+from policies.episode import STAGES
+
+STATISTICS_PERIOD = 0.5
+"""How often percentiles are taken [s]."""
 
 
 @dataclass(frozen=True)
@@ -23,11 +29,23 @@ class Names:
     """Ticks a second [Hz]."""
 
 
+@dataclass(frozen=True)
+class Timing:
+    """Of the last 10 s."""
+
+    real_time_factor: float
+    lateness_ms: Percentiles
+    ik_ms: Percentiles
+    latency_ms: Latency
+
+
 class Telemetry:
     """Reads the newest snapshot and the last 10 s of timing out of shared memory."""
 
     def __init__(self, names: Names, simulation: Simulation, operators: Operators) -> None:
         self._names, self._simulation, self._operators = names, simulation, operators
+        self._statistics: Timing | None = None
+        self._measured = 0.0
 
     def health(self, recording: str | None = None) -> Health:
         """The record of this moment. `recording` is the episode being recorded."""
@@ -35,20 +53,19 @@ class Telemetry:
         mode, reason = Mode(snapshot["mode"]), Reason(snapshot["reason"])
         if lost:
             mode, reason = Mode.FAULT, Reason.SIMULATION_LOST
-        driver = self._operators.driver
-        timing = self._timing()
+        driver, timing = self._operators.driver, self._timing()
         return Health(
             state=mode.name,
             reason=reason.sentence,
             robot=self._names.robot,
             policy=self._names.policy,
             time=float(snapshot["time"]),
-            real_time_factor=0.0 if lost else self._real_time_factor(),
+            real_time_factor=0.0 if lost else timing.real_time_factor,
             ticks=int(snapshot["tick"]) + 1,
             missed=int(snapshot["missed"]),
-            lateness_ms=_percentiles(timing[:, 5]),
-            ik_ms=_percentiles(timing[:, 1]),
-            latency_ms=Latency(**dict(zip(Latency.model_fields, np.median(timing, axis=0).round(3).tolist(), strict=True))),
+            lateness_ms=timing.lateness_ms,
+            ik_ms=timing.ik_ms,
+            latency_ms=timing.latency_ms,
             scheduler=self._simulation.scheduler,
             upright=bool(snapshot["upright"]),
             base=Base(**dict(zip(Base.model_fields, snapshot["base"].tolist(), strict=True))),
@@ -60,15 +77,23 @@ class Telemetry:
             recording=recording,
         )
 
-    def _timing(self) -> np.ndarray:
-        """policies.episode.STAGES of the last ticks [n, 6], ms."""
-        return self._simulation.exchange.snapshots.column("latency")
+    def _timing(self) -> Timing:
+        """At most STATISTICS_PERIOD old."""
+        if self._statistics is None or clock.now() - self._measured > STATISTICS_PERIOD:
+            self._statistics, self._measured = _measure(self._simulation.exchange.snapshots, self._names.policy_rate), clock.now()
+        return self._statistics
 
-    def _real_time_factor(self) -> float:
-        stamps = self._simulation.exchange.snapshots.column("stamp")
-        if len(stamps) < 2:
-            return 1.0
-        return (len(stamps) - 1) / self._names.policy_rate / float(stamps[-1] - stamps[0]) * 1e9
+
+def _measure(snapshots: Ring, policy_rate: float) -> Timing:
+    stages = snapshots.column("latency").astype(float)
+    stamps = snapshots.column("stamp")
+    wall = float(stamps[-1] - stamps[0]) * 1e-9
+    return Timing(
+        real_time_factor=(len(stamps) - 1) / policy_rate / wall if wall > 0 else 1.0,
+        lateness_ms=_percentiles(stages[:, STAGES.index("lateness")]),
+        ik_ms=_percentiles(stages[:, STAGES.index("ik")]),
+        latency_ms=Latency(**dict(zip(STAGES, np.median(stages, axis=0).round(3).tolist(), strict=True))),
+    )
 
 
 def _percentiles(values: np.ndarray) -> Percentiles:

@@ -117,27 +117,23 @@ def test_stop_and_reset_need_no_driver_and_are_no_sign_of_life(desk: Desk) -> No
     assert (desk.record["stops"], desk.record["resets"], desk.record["stamp"]) == (1, 1, 0)
 
 
-def test_only_handles_of_the_drivers_page_move_a_wrist_and_they_are_no_sign_of_life(desk: Desk) -> None:
-    driver, watcher = desk.operators.join(), desk.operators.join()
-    pose = np.array([0.25, -0.3, 0.2, 1, 0, 0, 0])
-    desk.say(watcher, page="b")
-    assert not desk.operators.move_wrist(1, pose, "a"), "nobody drives"
-    desk.say(driver, page="a", engage=True)
-    desk.now += 0.1
-    assert not desk.operators.move_wrist(1, pose, "b")
-    assert desk.operators.move_wrist(1, pose, "a")
-    np.testing.assert_array_equal(desk.command.wrists, [FOLLOWED.wrists[0], pose])
-    assert desk.record["given"].tolist() == [0, 1]
-    assert desk.record["stamp"] == 50_000_000_000
-
-
 def test_what_is_out_of_bounds_is_refused_told_and_no_sign_of_life(desk: Desk) -> None:
     client = desk.operators.join()
-    desk.say(client, engage=True, page="a")
+    desk.say(client, engage=True)
     before = desk.ring.count
     desk.now += 0.1
     desk.say(client, height=50.0)
-    desk.operators.move_wrist(0, np.full(7, np.nan), "a")
     assert desk.ring.count == before
-    assert desk.operators.rejected == 2
+    assert desk.operators.rejected == 1
     assert client.error
+
+
+def test_a_wrist_out_of_bounds_keeps_its_last_target_and_the_rest_of_the_message_counts(desk: Desk) -> None:
+    client = desk.operators.join()
+    desk.say(client, engage=True, wrists={"left": POSE})
+    desk.now += 0.1
+    desk.say(client, twist={"vx": 0.4}, wrists={"left": POSE | {"position": [9, 0, 0]}})
+    assert desk.command.wrists[0, 0] == 0.3
+    assert desk.command.twist[0] == 0.4
+    assert desk.record["stamp"] == 50_100_000_000
+    assert (desk.operators.rejected, client.error) == (1, "a wrist is out of bounds")
