@@ -42,7 +42,8 @@ class Recorder:
 
         Args:
             directory: where session files go; made when it is needed.
-            describe: tells what makes the rows now and gives the compiled model (MJB); called at each episode's start.
+            describe: tells what makes the rows now and gives the model (policies.recording.provenance.describe); called at each
+                episode's start, so it should have the answer ready.
             rows: the ring to drain.
         """
         self._tape = Tape(directory, describe, rows)

@@ -63,7 +63,7 @@ class Tape:
     """
 
     def __init__(self, directory: Path, describe: Callable[[], tuple[Metadata, bytes | None]], rows: RowRing) -> None:
-        """`describe` tells what makes the rows now and gives the compiled model (MJB)."""
+        """`describe` tells what makes the rows now and gives the model: policies.recording.provenance.describe."""
         self.directory = directory
         self.open: EpisodeInfo | None = None
         """The episode being recorded, as far as it is."""

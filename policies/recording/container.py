@@ -82,19 +82,16 @@ def read_chunk(file: BinaryIO, offset: int) -> tuple[list[Message], int] | None:
         return None
 
 
-def read_model(file: BinaryIO, offset: int) -> bytes | None:
-    """The compiled model attached at `offset`; None when it is damaged."""
+def read_attachment(file: BinaryIO, offset: int) -> bytes | None:
+    """The bytes attached at `offset`; None when they are damaged."""
     try:
         length = struct.unpack("<BQ", _read(file, offset, 9))[1]
         record = _read(file, offset + 9, min(length, _LARGEST))
         if zlib.crc32(record[:-4]) != struct.unpack("<I", record[-4:])[0]:
             return None
-        media = 16 + len(_ATTACHMENT_NAME)
+        media = 16 + 4 + struct.unpack_from("<I", record, 16)[0]
         start = media + 4 + struct.unpack_from("<I", record, media)[0] + 8
-        packed = record[start:-4]
-        if zstandard.get_frame_parameters(packed).content_size > _LARGEST:
-            return None
-        return zstandard.ZstdDecompressor().decompress(packed)
+        return record[start:-4]
     except _BROKEN:
         return None
 
@@ -151,7 +148,7 @@ def _searched(file: BinaryIO) -> Layout:
             broken.append(offset)
     cut_off = bool(broken) and broken[-1] >= behind and _ends_early(file, broken[-1])
     models = (at - _ATTACHMENT_NAME_AT for at in _find(file, _ATTACHMENT_NAME))
-    model = next((offset for offset in models if offset >= 0 and read_model(file, offset) is not None), None)
+    model = next((offset for offset in models if offset >= 0 and read_attachment(file, offset) is not None), None)
     return Layout(False, tuple(chunks), model, len(broken) - cut_off, cut_off)
 
 

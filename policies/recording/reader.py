@@ -7,10 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import zstandard
 
 from policies.episode import DamagedRecording, Episode, EpisodeInfo, Metadata, missing_ticks
 from policies.recording.channels import ROWS
-from policies.recording.container import read_chunk, read_model, read_session, survey
+from policies.recording.container import read_attachment, read_chunk, read_session, survey
 from policies.recording.contents import Contents, contents
 
 
@@ -79,9 +80,17 @@ class Recording:
         """All episodes in order."""
         return (self.episode(info) for info in self.infos)
 
+    def packed_model(self) -> bytes | None:
+        """The attached model as it stands in the file; None when it is damaged or was never attached."""
+        return None if self._model_at is None else read_attachment(self._file, self._model_at)
+
     def model(self) -> bytes | None:
         """The compiled MuJoCo model (MJB); None when it is damaged or was never attached."""
-        return None if self._model_at is None else read_model(self._file, self._model_at)
+        packed = self.packed_model()
+        try:
+            return None if packed is None else zstandard.decompress(packed)
+        except zstandard.ZstdError:
+            return None
 
     def _metadata(self, found: Contents) -> Metadata:
         described = [start["metadata"] for start in found.starts.values()] or [read_session(self._file)]

@@ -39,7 +39,7 @@ class RecordingInUse(Exception):
 def stream(recording: Recording, numbers: Collection[int]) -> Iterator[bytes]:
     """A complete MCAP file with these episodes, piece by piece."""
     pieces = _Pieces()
-    writer = EpisodeWriter(pieces, recording.metadata, recording.model())
+    writer = EpisodeWriter(pieces, recording.metadata, recording.packed_model())
     for info in recording.infos:
         if info.number not in numbers:
             continue
@@ -105,6 +105,7 @@ def _replace(recording: Recording, numbers: Collection[int], original: Path | No
         if original is not None:
             recording.path.rename(original)
         output.publish()
+        output.sync()
     finally:
         output.close()
 

@@ -43,19 +43,19 @@ class SessionFile:
             del self._pending[:written]
 
     def sync(self) -> None:
-        """Flush, and wait until the disk has everything: it survives a power cut."""
+        """Flush, and wait until the disk has the bytes and the name: they survive a power cut."""
         self.flush()
         os.fsync(self._fd)
-
-    def publish(self) -> None:
-        """Give the file its name, in place of any file that had it."""
-        self.sync()
-        os.replace(self._hidden, self.path)
         folder = os.open(self.path.parent, os.O_RDONLY)
         try:
             os.fsync(folder)
         finally:
             os.close(folder)
+
+    def publish(self) -> None:
+        """Flush, and give the file its name, in place of any file that had it."""
+        self.flush()
+        os.replace(self._hidden, self.path)
 
     def close(self) -> None:
         """Let go of the file without writing what is pending; a file that was never published disappears."""

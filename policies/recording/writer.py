@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
-import zstandard
 from mcap.writer import CompressionType, Writer
 
 from policies.episode import Ending, EpisodeInfo, Metadata, holes, missing_ticks
@@ -15,7 +14,7 @@ from policies.recording.channels import EVENTS, PLOT, PLOT_EVERY, ROWS, declare,
 
 PROFILE = "humanoid-teleop"
 MODEL_ATTACHMENT = "model.mjb.zst"
-"""The compiled MuJoCo model, compressed."""
+"""The compiled MuJoCo model (MJB), compressed with zstd."""
 
 
 class Output(Protocol):
@@ -32,14 +31,15 @@ class EpisodeWriter:
     Rows since the last `flush` are lost when the program dies. A chunk of the file never holds rows of two episodes.
     """
 
-    def __init__(self, output: Output, metadata: Metadata, model: bytes | None) -> None:
+    def __init__(self, output: Output, metadata: Metadata, packed_model: bytes | None) -> None:
+        """`packed_model` is the compiled MuJoCo model (MJB), compressed with zstd."""
         self.metadata = metadata
         self._description = metadata.to_json()
         self._mcap = Writer(output, compression=CompressionType.ZSTD)  # pyright: ignore[reportArgumentType]  it only writes, tells and flushes
         self._mcap.start(profile=PROFILE)
         self._mcap.add_metadata("session", {key: json.dumps(value) for key, value in self._description.items()})
-        if model is not None:
-            self._mcap.add_attachment(0, 0, MODEL_ATTACHMENT, "application/zstd", zstandard.compress(model))
+        if packed_model is not None:
+            self._mcap.add_attachment(0, 0, MODEL_ATTACHMENT, "application/zstd", packed_model)
         declare(self._mcap, metadata)
         self._info: EpisodeInfo | None = None
         self._last_tick: int | None = None

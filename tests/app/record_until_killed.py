@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from small_rows import METADATA, MODEL, make_rows
+from small_rows import METADATA, PACKED_MODEL, make_rows
 
 from app.outputs.recorder import Recorder
 
@@ -26,7 +26,7 @@ class SteadyRing:
 
 if __name__ == "__main__":
     ring = SteadyRing()
-    recorder = Recorder(Path(sys.argv[1]), lambda: (METADATA, MODEL), ring)
+    recorder = Recorder(Path(sys.argv[1]), lambda: (METADATA, PACKED_MODEL), ring)
     recorder.start("until killed")
     print(ring.start, flush=True)
     time.sleep(60)

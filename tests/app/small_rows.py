@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 
 import numpy as np
+import zstandard
 
 from policies.episode import Metadata, row_dtype
 
@@ -10,6 +11,7 @@ NQ, NV, NU = 8, 7, 3
 DTYPE = row_dtype(nu=NU, nstate=1 + NQ + NV + NU, nobs=4, nlatent=0, naction=2)
 METADATA = Metadata(robot="small", policy="none", dtype=DTYPE, nq=NQ, nv=NV, substeps=4, rate=50.0, reasons=("STARTED", "FALLEN"))
 MODEL = bytes(range(256)) * 40
+PACKED_MODEL = zstandard.compress(MODEL)
 START = 1_780_000_000.0
 """Unix time of tick 0 [s]."""
 

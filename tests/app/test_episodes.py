@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import uvicorn
 from fastapi import FastAPI
-from small_rows import DTYPE, METADATA, MODEL, NQ, START, make_rows
+from small_rows import DTYPE, METADATA, MODEL, NQ, PACKED_MODEL, START, make_rows
 
 from app import recordings
 from app.episodes import Episodes, router
@@ -29,7 +29,7 @@ class Site:
 
     def __init__(self, folder: Path) -> None:
         self.ring = Ring(np.zeros(Ring.size(DTYPE, 256), np.uint8), DTYPE, 256)
-        self.episodes = Episodes(folder, lambda: (METADATA, MODEL), self.ring)
+        self.episodes = Episodes(folder, lambda: (METADATA, PACKED_MODEL), self.ring)
         app = FastAPI()
         app.include_router(router(self.episodes))
         self._server = uvicorn.Server(uvicorn.Config(app, port=0, log_level="error", ws="none"))
@@ -187,7 +187,7 @@ def test_what_a_crash_left_is_mended_when_the_server_starts(tmp_path: Path, cras
 def crashed(tmp_path: Path) -> Path:
     """A session file whose program died while it recorded 40 rows."""
     file = SessionFile(tmp_path / "crashed.mcap")
-    writer = EpisodeWriter(file, METADATA, MODEL)
+    writer = EpisodeWriter(file, METADATA, PACKED_MODEL)
     writer.begin(EpisodeInfo("crashed_001", 1, file.path, START))
     writer.rows(make_rows(range(40)))
     writer.flush()

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_rows import DTYPE, METADATA, MODEL, make_rows
+from small_rows import DTYPE, METADATA, PACKED_MODEL, make_rows
 
 from app.outputs.recorder import PUMP_PERIOD, Recorder
 from app.outputs.tape import FLUSH_PERIOD, DiskFailed, Tape, WrongMoment
@@ -47,12 +47,12 @@ def simulation() -> Simulation:
 
 @pytest.fixture
 def tape(tmp_path: Path, simulation: Simulation) -> Tape:
-    return Tape(tmp_path, lambda: (METADATA, MODEL), simulation.ring)
+    return Tape(tmp_path, lambda: (METADATA, PACKED_MODEL), simulation.ring)
 
 
 @pytest.fixture
 def recorder(tmp_path: Path, simulation: Simulation) -> Iterator[Recorder]:
-    recorder = Recorder(tmp_path, lambda: (METADATA, MODEL), simulation.ring)
+    recorder = Recorder(tmp_path, lambda: (METADATA, PACKED_MODEL), simulation.ring)
     yield recorder
     recorder.close()
 
@@ -129,7 +129,7 @@ def test_orders_at_the_wrong_moment(tape: Tape):
 
 def test_another_policy_gets_another_file(tmp_path: Path, simulation: Simulation):
     metadata = METADATA
-    tape = Tape(tmp_path, lambda: (metadata, MODEL), simulation.ring)
+    tape = Tape(tmp_path, lambda: (metadata, PACKED_MODEL), simulation.ring)
     tape.stop(tape.start(""), "stopped")
     first = tape.path
     metadata = replace(METADATA, policy="other")
@@ -223,7 +223,7 @@ def test_status_follows_the_episode(recorder: Recorder, simulation: Simulation):
 
 
 def test_closing_completes_an_open_episode(tmp_path: Path, simulation: Simulation):
-    recorder = Recorder(tmp_path, lambda: (METADATA, MODEL), simulation.ring)
+    recorder = Recorder(tmp_path, lambda: (METADATA, PACKED_MODEL), simulation.ring)
     recorder.start("left open")
     expected = simulation.run(12)
     recorder.close()

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from small_rows import METADATA, MODEL, START, make_rows
+from small_rows import METADATA, MODEL, PACKED_MODEL, START, make_rows
 
 from policies.episode import DamagedRecording, EpisodeInfo, Metadata
 from policies.recording.container import survey
@@ -26,7 +26,7 @@ EPISODES = {number: make_rows(ticks) for number, ticks in TICKS.items()}
 
 def write(output, finish: bool = True, metadata: Metadata = METADATA) -> list[tuple[int, int]]:
     """Three episodes, flushed every BLOCK rows. Returns (file size, rows written) after each flush."""
-    writer, flushes, count = EpisodeWriter(output, metadata, MODEL), [], 0
+    writer, flushes, count = EpisodeWriter(output, metadata, PACKED_MODEL), [], 0
     for number, rows in EPISODES.items():
         writer.begin(EpisodeInfo(f"e{number}", number, Path(), START + number, label=f"label {number}"))
         for i in range(0, len(rows), BLOCK):
