@@ -23,10 +23,11 @@ class Robot:
 
     spec: RobotSpec
     build: Callable[[Variant], mujoco.MjSpec]
-    """training: hands and neck welded with their mass kept, 27 motors. play: everything moves, meshes if installed."""
+    """training: hands and neck welded with their mass kept. play: everything moves, meshes if installed.
+    Either has a key frame "home" and MuJoCo's silent reset after a divergence switched off."""
 
     def model(self, variant: Variant) -> mujoco.MjModel:
-        """Compile one variant, with MuJoCo's silent reset after a divergence switched off."""
+        """Compile one variant."""
         return self.build(variant).compile()
 
 

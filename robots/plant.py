@@ -56,7 +56,10 @@ class Plant:
         return row
 
     def restore(self, row: np.ndarray) -> State:
-        """Continue from a row that `save` returned, bit for bit."""
+        """Continue from a row that `save` returned, bit for bit; the row must come from the same model.
+
+        Sensors are computed afresh here: in the State that is returned they are one physics step newer than in `step`'s.
+        """
         mujoco.mj_setState(self.model, self.data, row, mujoco.mjtState.mjSTATE_INTEGRATION)
         mujoco.mj_forward(self.model, self.data)
         return self.state()

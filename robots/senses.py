@@ -13,12 +13,13 @@ class Senses:
     """Addresses of a robot's joints and sensors in one compiled model.
 
     Sensor values are one physics step (5 ms) older than qpos and qvel, as mj_step leaves them, in training and in play alike.
+    Only after a reset or a restore are they fresh.
     """
 
     def __init__(self, model: mujoco.MjModel, spec: RobotSpec) -> None:
-        self.motors = [m.name for m in spec.motors[: model.nu]]
-        self.q = np.array([model.joint(name).qposadr[0] for name in self.motors])
-        self.dq = np.array([model.joint(name).dofadr[0] for name in self.motors])
+        motors = [m.name for m in spec.motors[: model.nu]]
+        self.q = np.array([model.joint(name).qposadr[0] for name in motors])
+        self.dq = np.array([model.joint(name).dofadr[0] for name in motors])
         self._feet = np.concatenate([_at(model, f"{foot}_in_pelvis") for foot in spec.feet])
         self._feet_velocity = np.concatenate([_at(model, f"{foot}_velocity_in_pelvis") for foot in spec.feet])
         self._touch = np.concatenate([_at(model, f"{foot}_touch") for foot in spec.feet])
