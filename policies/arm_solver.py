@@ -22,9 +22,9 @@ SPEED_SHARE, TOP_SPEED = 0.6, 6.0
 """A joint uses at most this share of its motor's speed, and never more than this [rad/s]."""
 GAIN = 0.4
 """Share of the error that one tick removes: a wrist follows a steady drag 30 ms behind."""
-WEIGHTS = (1.0, 0.15)
+WEIGHTS = (1.0, 0.1)
 """Weights of a wrist's translation [1/m] and rotation [1/rad]: where both cannot be had, place goes first."""
-BOUNDS = (0.12, 0.35)
+BOUNDS = (0.12, 0.5)
 """Errors beyond this pull no harder [m, rad]: a target a kilometre away must not outvote the elbow or the other arm."""
 LEVER = (0.6, 1.0)
 """How fast the directions of those pulls turn with the joints [m/rad, 1]."""
