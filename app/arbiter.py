@@ -7,7 +7,7 @@ SILENCE = 2.0
 
 
 class Lease:
-    """The right to write the robot's command. Times are monotonic [s]."""
+    """The right to write the robot's command, or a part of it: another part is another lease. Times are monotonic [s]."""
 
     def __init__(self) -> None:
         self.holder: str | None = None

@@ -7,9 +7,11 @@ import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 
-from fastapi import APIRouter, FastAPI, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, FastAPI, Request, WebSocket, WebSocketDisconnect
+from fastapi.responses import JSONResponse
 from pydantic import ValidationError
 
+from app.errors import AppError
 from app.gate import Gate
 from app.inputs.operator import Client, Operators
 from app.protocol import VERSION, Answer, Health, OperatorMessage
@@ -47,6 +49,7 @@ def create_app(
     """
     app = FastAPI(title="humanoid-teleop", description="Drive a walking humanoid.", version=str(VERSION))
     app.add_middleware(Gate, host=host)
+    app.add_exception_handler(AppError, _say)
     app.webhooks.add_api_route("operator", _operator_socket, methods=["POST"], summary="WS /api/operator")
     app.include_router(_control(health, operators, reset), prefix="/api")
     for router in routers:
@@ -86,6 +89,11 @@ def _control(health: Callable[[], Health], operators: Operators, reset: Callable
             operators.leave(client)
 
     return router
+
+
+async def _say(request: Request, error: Exception) -> JSONResponse:
+    """An error that a person can mend, as a sentence."""
+    return JSONResponse({"detail": str(error)}, status_code=503)
 
 
 def _operator_socket(message: OperatorMessage) -> Answer:  # OpenAPI knows no sockets: /docs shows this one as a webhook

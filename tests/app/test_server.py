@@ -19,6 +19,7 @@ from stand_ins import eventually
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
+from app.errors import SimulationFailed
 from app.inputs.operator import Operators
 from app.mode import Reason
 from app.outputs.telemetry import Names, Telemetry
@@ -30,7 +31,7 @@ class Site:
     """A running server."""
 
     def __init__(self, simulation: Simulation) -> None:
-        self.simulation = simulation
+        self.simulation, self.broken = simulation, False
         self.operators = Operators(simulation.exchange.commands, simulation.applied)
         telemetry = Telemetry(Names("h1", "none", 50.0), simulation, self.operators)
         app = create_app(telemetry.health, self.operators, self.reset, "127.0.0.1")
@@ -42,6 +43,8 @@ class Site:
         eventually(lambda: self._server.started)
 
     def reset(self) -> None:
+        if self.broken:
+            raise SimulationFailed("the robot is broken")
         self.simulation.restart() if self.simulation.lost else self.operators.reset()
 
     def close(self) -> None:
@@ -244,6 +247,16 @@ def test_the_wire_is_described(site: Site) -> None:
     schemas = json.loads(site.ask("/openapi.json"))["components"]["schemas"]
     assert {"OperatorMessage", "Answer", "Health"} <= set(schemas)
     assert "swagger" in site.ask("/docs")
+
+
+def test_a_reset_that_fails_says_why(site: Site) -> None:
+    site.broken = True
+    try:
+        with pytest.raises(urllib.error.HTTPError, match="503") as answered:
+            site.ask("/api/reset", "POST")
+        assert json.load(answered.value) == {"detail": "the robot is broken"}
+    finally:
+        site.broken = False
 
 
 def test_a_dead_simulation_is_shown_as_a_fault_and_reset_starts_it_again(site: Site) -> None:
