@@ -207,6 +207,8 @@ class Health(Wire):
     """Messages and commands that were refused."""
     recording: str | None = None
     """The episode being recorded."""
+    recording_alarm: str | None = None
+    """Why the last recording was cut off, or that the disk is slow, as a sentence."""
 
 
 class Answer(Health):

@@ -47,8 +47,8 @@ class Telemetry:
         self._statistics: Timing | None = None
         self._measured = 0.0
 
-    def health(self, recording: str | None = None) -> Health:
-        """The record of this moment. `recording` is the episode being recorded."""
+    def health(self, recording: str | None = None, recording_alarm: str | None = None) -> Health:
+        """The record of this moment. `recording` is the episode being recorded, `recording_alarm` what is wrong with its disk."""
         snapshot, lost = self._simulation.snapshot(), self._simulation.lost
         mode, reason = Mode(snapshot["mode"]), Reason(snapshot["reason"])
         if lost:
@@ -75,6 +75,7 @@ class Telemetry:
             clients=self._operators.count,
             rejected=self._operators.rejected + int(snapshot["rejected"]),
             recording=recording,
+            recording_alarm=recording_alarm,
         )
 
     def _timing(self) -> Timing:
