@@ -25,6 +25,8 @@ class Robot:
     build: Callable[[Variant], mujoco.MjSpec]
     """training: hands and neck welded with their mass kept. play: everything moves, meshes if installed.
     Either has a key frame "home" and MuJoCo's silent reset after a divergence switched off."""
+    missing: Callable[[], list[str]] = list
+    """One sentence for each mesh package that is not installed; empty when the robot looks as it should."""
 
     def model(self, variant: Variant) -> mujoco.MjModel:
         """Compile one variant."""

@@ -110,7 +110,7 @@ def test_without_packages_plain_shapes_stand_for_the_links_and_somebody_is_told(
     without(*hidden)
     model = ROBOT.model("play")
     assert links_in_sight(model) == {body.name for body in H1.bodies}
-    told = meshes.missing()
+    told = ROBOT.missing()
     assert ("pip install robosuite-models==1.0.0" in " ".join(told)) == ("robosuite_models" in hidden)
     assert ("pip install --no-deps fourier-robot-descriptions==0.2.7" in " ".join(told)) == ("fourier_robot_descriptions" in hidden)
     if len(hidden) == 2:
