@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 from fastapi import FastAPI
 
@@ -14,6 +15,7 @@ from app.inputs.operator import Operators
 from app.mode import Reason
 from app.outputs.tape import RecordingError
 from app.outputs.telemetry import Names, Telemetry
+from app.page import Page
 from app.protocol import Health
 from app.server import create_app
 from app.simulation import Simulation
@@ -43,13 +45,15 @@ class Session:
         self.simulation.start()
         try:
             self._model = self._robot.model("play")  # while the other process builds its own
+            self._page = Page(self._robot.spec, self._model, self.simulation.snapshot)
             self.simulation.wait()
         except BaseException:
             self.simulation.close()
             raise
         self._host, exchange = config.host, self.simulation.exchange
         self.operators = Operators(exchange.commands, self.simulation.applied)
-        self.episodes = episodes.Episodes(config.recordings, self._describe, exchange.rows)
+        description = ThreadPoolExecutor(1).submit(self._describe)  # ready before the first episode
+        self.episodes = episodes.Episodes(config.recordings, description.result, exchange.rows)
         names = Names(config.robot, self._weights.stem, self._robot.spec.policy_rate)
         self._telemetry = Telemetry(names, self.simulation, self.operators)
         self._closing = threading.Event()
@@ -57,13 +61,13 @@ class Session:
 
     def app(self) -> FastAPI:
         """The site."""
-        routers = [episodes.router(self.episodes)]
+        routers = [*self._page.routers, episodes.router(self.episodes)]
         return create_app(self.health, self.operators, self.reset, self._host, routers)
 
     def health(self) -> Health:
         """The record of this moment."""
-        recording = self.episodes.recorder.status().open
-        return self._telemetry.health(recording.id if recording else None)
+        recorder = self.episodes.recorder.status()
+        return self._telemetry.health(recorder.open.id if recorder.open else None, recorder.alarm)
 
     def reset(self) -> None:
         """Put the robot back home; start the simulation again if it is lost (blocks until it stands)."""
@@ -77,6 +81,7 @@ class Session:
         self._closing.set()
         self.episodes.close()
         self.simulation.close()
+        self._page.close()
 
     def _describe(self) -> tuple[Metadata, bytes]:
         reasons = [reason.sentence for reason in Reason]

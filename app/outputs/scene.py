@@ -1,0 +1,66 @@
+"""The static part of the 3D picture: robot, floor, wrist handles, ghosts. The page moves it, from the qpos it is sent."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import viser
+
+from app.outputs import geometry
+from app.outputs.description import BODIES, PELVIS, SceneDescription, SceneWrist, describe
+from robots.spec import RobotSpec
+
+GHOST_FACES = 3000
+"""Triangles of a ghost hand."""
+GHOST_RGB = (255, 176, 46)
+HANDLE_SIZE = 0.13
+"""Length of a handle's arrows [m]."""
+SIDES = ("left", "right")
+
+
+def build(server: viser.ViserServer, spec: RobotSpec, model: mujoco.MjModel) -> SceneDescription:
+    """Put a robot's play model into viser's scene and describe it to the page.
+
+    Poses in the scene stay what they are here: every page applies the newest ones itself (web/stage.js), so that a slow or
+    hidden page costs nothing and each page has its own view.
+    """
+    _surroundings(server)
+    found = geometry.looks(model)
+    drawn = sorted({look.body for look in found} | {model.body("pelvis").id})
+    for body in drawn:
+        server.scene.add_frame(BODIES + model.body(body).name, show_axes=False)
+    for index, look in enumerate(found):
+        _mesh(server, f"{BODIES}{model.body(look.body).name}/look_{index}", look)
+    wrists = [_wrist(server, model, found, side, site) for side, site in zip(SIDES, spec.wrists, strict=True)]
+    return describe(model, [model.body(body).name for body in drawn], wrists)
+
+
+def _surroundings(server: viser.ViserServer) -> None:
+    """Floor, light and the first look at it; the page colours them for its light or dark theme."""
+    scene = server.scene
+    scene.world_axes.visible = False
+    scene.add_grid(
+        "/floor", infinite_grid=True, cell_size=0.5, section_size=1.0, fade_distance=14.0, fade_strength=1.4, cell_thickness=0.6,
+        section_thickness=0.9, shadow_opacity=0.35, plane_opacity=1.0,
+    )  # fmt: skip
+    scene.configure_default_lights(enabled=True, cast_shadow=True)
+    server.initial_camera.position = (2.3, -1.5, 1.55)
+    server.initial_camera.look_at = (0.0, 0.0, 0.95)
+    server.initial_camera.fov = float(np.deg2rad(42))
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_layout="floating")
+
+
+def _mesh(server: viser.ViserServer, name: str, look: geometry.Look) -> None:
+    server.scene.add_mesh_simple(name, look.vertices, look.faces, color=look.rgb)
+
+
+def _wrist(server: viser.ViserServer, model: mujoco.MjModel, found: list[geometry.Look], side: str, site: str) -> SceneWrist:
+    """Handle, ghost hand and its label, below the pelvis so that they walk with the robot."""
+    handle, ghost = f"{PELVIS}/{side}_handle", f"{PELVIS}/{side}_ghost"
+    scene = server.scene
+    scene.add_transform_controls(handle, scale=HANDLE_SIZE, line_width=3.0, depth_test=False, opacity=0.9, disable_sliders=True)
+    hand = model.body(int(model.site(site).bodyid[0])).name
+    vertices, faces = geometry.subtree(model, found, hand, site, GHOST_FACES)
+    scene.add_mesh_simple(ghost, vertices, faces, color=GHOST_RGB, opacity=0.4, cast_shadow=False, receive_shadow=False, visible=False)
+    scene.add_label(f"{ghost}/reason", "", position=(0, 0, 0.14), anchor="bottom-center", visible=False)
+    return SceneWrist(handle=handle, ghost=ghost, reason=f"{ghost}/reason")

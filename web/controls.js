@@ -1,0 +1,155 @@
+// Buttons, pedals and sliders: what a hand on the page does to the pilot.
+
+import { label } from "./keys.js";
+
+const DIRECTIONS = new Set(["forward", "back", "left", "right", "turn-left", "turn-right"]);
+const HINT_MS = 4000;
+const DEGREES = 180 / Math.PI;
+
+export class Controls {
+  #timer = 0;
+
+  constructor($, pilot, keys, actions) {
+    Object.assign(this, { $, pilot, keys, actions });
+    this.#engage();
+    this.#pedals();
+    this.#keyboard();
+    this.#sliders();
+    this.#safety();
+    pilot.addEventListener("refused", ({ detail }) => this.hint(detail, true));
+    pilot.addEventListener("change", () => this.#lit());
+    $("#stop").addEventListener("pointerdown", () => actions.stop());
+    $("#stop").addEventListener("click", (event) => event.detail === 0 && actions.stop()); // by Enter or an assistive tool
+    $("#reset").addEventListener("click", () => actions.reset());
+    this.keycaps();
+  }
+
+  // A sentence over the pedals, for a while or for good.
+  hint(sentence, briefly = false) {
+    const hint = this.$("#hint");
+    hint.textContent = sentence;
+    hint.classList.toggle("alert", briefly);
+    clearTimeout(this.#timer);
+    if (briefly) this.#timer = setTimeout(() => this.hint(""), HINT_MS);
+  }
+
+  // Sliders of the posture follow the robot while this page does not move them.
+  follow(answer) {
+    if (this.pilot.engaged) return;
+    for (const field of ["height", "roll", "pitch"]) this.#set(this.$(`[data-field=${field}]`), answer.command[field]);
+  }
+
+  keycaps() {
+    for (const cap of this.$.all("[data-keys]")) {
+      const [code] = this.keys.of(cap.dataset.keys);
+      cap.textContent = code ? label(code) : "";
+    }
+  }
+
+  #engage() {
+    const button = this.$("#engage");
+    button.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      button.setPointerCapture(event.pointerId);
+      this.pilot.press();
+    });
+    button.addEventListener("pointerup", () => this.pilot.release());
+    button.addEventListener("pointercancel", () => this.pilot.letGo());
+    button.addEventListener("contextmenu", (event) => event.preventDefault()); // a long touch is a hold
+    this.$("#latch").checked = this.pilot.latch;
+    this.$("#latch").addEventListener("change", ({ target }) => this.pilot.setLatch(target.checked));
+  }
+
+  #pedals() {
+    for (const pedal of this.$.all(".pedal")) {
+      const { direction } = pedal.dataset, by = `pedal ${direction}`;
+      pedal.addEventListener("pointerdown", (event) => {
+        if (event.button !== 0) return;
+        pedal.setPointerCapture(event.pointerId);
+        this.pilot.hold(by, direction);
+      });
+      for (const end of ["pointerup", "lostpointercapture"]) pedal.addEventListener(end, () => this.pilot.drop(by));
+      pedal.addEventListener("pointercancel", () => this.pilot.letGo());
+      pedal.addEventListener("contextmenu", (event) => event.preventDefault());
+    }
+  }
+
+  #keyboard() {
+    const { pilot, actions } = this;
+    this.keys.addEventListener("down", ({ detail: { action, code } }) => {
+      if (DIRECTIONS.has(action)) pilot.hold(code, action);
+      else if (action === "engage") pilot.press();
+      else if (action === "fast") pilot.setFast(true);
+      else actions[action]?.();
+    });
+    this.keys.addEventListener("up", ({ detail: { action, code } }) => {
+      if (DIRECTIONS.has(action)) pilot.drop(code);
+      else if (action === "engage") pilot.release();
+      else if (action === "fast") pilot.setFast(false);
+    });
+  }
+
+  #sliders() {
+    for (const input of this.$.all("[data-field]")) {
+      if (input.dataset.field === "pace") input.value = this.pilot.pace;
+      this.#figure(input);
+      input.addEventListener("input", () => {
+        this.#figure(input);
+        this.#ask(input.dataset.field, Number(input.value));
+      });
+      input.addEventListener("pointerup", () => input.blur()); // so that the arrow keys walk again
+    }
+    this.$("#straight").addEventListener("click", () => {
+      for (const [field, value] of Object.entries({ height: 1, pitch: 0, roll: 0, waist: 0 })) {
+        this.#set(this.$(`[data-field=${field}]`), value);
+        this.#ask(field, value);
+      }
+    });
+  }
+
+  #ask(field, value) {
+    const { pilot } = this;
+    if (field === "pace") return pilot.setPace(value);
+    if (!pilot.engaged) this.hint("press Engage first (hold Space)", true);
+    if (field.startsWith("grip")) {
+      const grip = (side) => Array(6).fill(this.#value(`grip-${side}`));
+      return pilot.ask("hands", { left: grip("left"), right: grip("right") });
+    }
+    if (field.startsWith("neck")) return pilot.ask("neck", { yaw: this.#value("neck-yaw"), pitch: this.#value("neck-pitch") });
+    pilot.ask(field, value);
+  }
+
+  #value(field) {
+    return Number(this.$(`[data-field=${field}]`).value);
+  }
+
+  #set(input, value) {
+    if (Math.abs(Number(input.value) - value) < Number(input.step) / 2) return;
+    input.value = value;
+    this.#figure(input);
+  }
+
+  #figure(input) {
+    const { unit } = input.dataset, value = Number(input.value);
+    const shown = unit === "°" ? (value * DEGREES).toFixed(0) : unit === "%" ? (value * 100).toFixed(0) : value.toFixed(2);
+    input.previousElementSibling.textContent = `${shown.replace(/^-0$/, "0")} ${unit}`.replace(" °", "°");
+    const share = (value - input.min) / (input.max - input.min);
+    input.style.setProperty("--share", share);
+  }
+
+  // Whatever takes the operator's hand off the page lets go of the robot, at once.
+  #safety() {
+    const letGo = () => this.pilot.letGo();
+    addEventListener("blur", letGo);
+    addEventListener("pagehide", letGo);
+    document.addEventListener("visibilitychange", () => document.hidden && letGo());
+  }
+
+  #lit() {
+    const { $, pilot } = this, held = pilot.holds;
+    $("#engage").classList.toggle("on", pilot.engaged);
+    $("#engage").setAttribute("aria-pressed", pilot.engaged);
+    for (const pedal of $.all(".pedal")) pedal.classList.toggle("on", held.has(pedal.dataset.direction));
+    if (pilot.engaged) this.hint("");
+  }
+}

@@ -1,0 +1,60 @@
+// The help: which keys do what, and a way to change them.
+
+import { icon } from "./overlay.js";
+import { label } from "./keys.js";
+
+const ACTIONS = {
+  engage: "Engage: hold, or tap to keep it pressed",
+  stop: "Stop at once",
+  forward: "Walk forward",
+  back: "Walk back",
+  left: "Step left",
+  right: "Step right",
+  "turn-left": "Turn left",
+  "turn-right": "Turn right",
+  fast: "Faster while held",
+  record: "Record, or stop recording",
+  view: "Next view",
+};
+
+export class Help {
+  constructor($, keys, controls) {
+    Object.assign(this, { $, keys, controls });
+    $("#help-button").addEventListener("click", () => this.toggle());
+  }
+
+  toggle() {
+    const { $ } = this;
+    $("#help").hidden = !$("#help").hidden;
+    $("#help-button").setAttribute("aria-expanded", !$("#help").hidden);
+    this.#draw();
+  }
+
+  #draw() {
+    const { $, keys } = this;
+    const rows = Object.entries(ACTIONS).map(([action, what]) => {
+      const caps = keys.of(action).map((code) => `<kbd>${label(code)}</kbd>`).join(" ");
+      return `<tr><th>${what}</th><td><button class="small" data-learn="${action}" title="Add another key">${caps || "none"}</button></td></tr>`;
+    });
+    $("#help").innerHTML = `
+      <header><strong>How to drive</strong><button class="icon" aria-label="Close">${icon("close")}</button></header>
+      <ol><li><b>Engage.</b> The robot listens only while it is pressed.</li><li><b>Hold</b> a key or a pedal to walk; let go to stand.</li>
+      <li><b>Drag</b> the arrows at a wrist to move the hand, its arcs to turn it.</li></ol>
+      <table>${rows.join("")}</table>
+      <footer><span>Press a key's name, then the key or foot pedal that shall do the same.</span>
+      <button class="small" data-forget>Default keys</button></footer>`;
+    $("#help header button").addEventListener("click", () => this.toggle());
+    $("#help [data-forget]").addEventListener("click", () => this.#changed(keys.forget()));
+    for (const button of $.all("[data-learn]")) {
+      button.addEventListener("click", async () => {
+        button.textContent = "press a key";
+        this.#changed(await keys.learn(button.dataset.learn));
+      });
+    }
+  }
+
+  #changed() {
+    this.#draw();
+    this.controls.keycaps();
+  }
+}

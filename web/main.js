@@ -1,0 +1,110 @@
+// Puts the page together.
+
+import { Controls } from "./controls.js";
+import { Episodes } from "./episodes.js";
+import { Help } from "./help.js";
+import { Keys } from "./keys.js";
+import { Link } from "./link.js";
+import { mount } from "./overlay.js";
+import { Pilot } from "./pilot.js";
+import { Live } from "./sources.js";
+import { Stage } from "./stage.js";
+import { Status } from "./status.js";
+import { followTheme } from "./theme.js";
+import { Viewer } from "./viewer.js";
+import { Wrists } from "./wrists.js";
+
+const VIEWS = ["follow", "eyes", "free"];
+const WELCOME = "Press Engage, then hold W to walk or drag a wrist.";
+const WELCOME_TOUCH = "Tap Engage, then hold an arrow to walk or drag a wrist.";
+
+const socket = (path) => `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${path}`;
+
+const viewer = new Viewer(window.teleopTap); // first of all: it listens while viser starts
+const keys = new Keys();
+const description = await (await fetch("/api/scene")).json();
+const $ = mount();
+document.title = "Teleop";
+
+const live = new Live(socket("/api/scene"));
+const stage = new Stage(viewer, description, live);
+const pilot = new Pilot();
+const link = new Link(socket("/api/operator"), () => ({ ...pilot.fields(), ...wrists.fields(), ...(taking() ? { take: true } : {}) }));
+const wrists = new Wrists(viewer, stage, pilot, link, description.wrists);
+const status = new Status($, link, live);
+
+const actions = {
+  stop: () => (pilot.letGo(), fetch("/api/stop", { method: "POST" })),
+  reset: () => (pilot.letGo(), stage.play(null), fetch("/api/reset", { method: "POST" })),
+  record: () => episodes.toggle(),
+  view: () => (stage.view = VIEWS[(VIEWS.indexOf(stage.view) + 1) % VIEWS.length]),
+};
+const controls = new Controls($, pilot, keys, actions);
+const episodes = new Episodes($, stage, controls);
+new Help($, keys, controls);
+followTheme($, viewer);
+
+// ---- the operator's word goes out when it changes, and every 50 ms
+
+pilot.addEventListener("change", () => {
+  if (pilot.engaged && stage.playback) stage.play(null); // nobody drives blind
+  link.send();
+});
+wrists.addEventListener("drag", () => link.send());
+wrists.addEventListener("idle-drag", () => controls.hint("press Engage first (hold Space), then drag", true));
+addEventListener("pagehide", () => link.send());
+
+let wantsLease = false;
+$("#take").addEventListener("click", () => {
+  wantsLease = true;
+  link.send();
+});
+function taking() {
+  const takes = wantsLease;
+  wantsLease = false;
+  return takes;
+}
+
+// ---- what comes back
+
+link.addEventListener("answer", ({ detail: answer }) => {
+  pilot.hear(answer);
+  status.show(answer);
+  controls.follow(answer);
+  wrists.show(answer);
+  episodes.show(answer);
+  if (answer.error) controls.hint(answer.error, true);
+});
+link.addEventListener("open", () => ($("#lost").hidden = true));
+link.addEventListener("close", () => {
+  pilot.letGo();
+  status.lost();
+  $("#lost").hidden = false;
+});
+
+// ---- views and panels
+
+for (const button of $.all("[data-view]")) {
+  button.addEventListener("click", () => {
+    if (button.dataset.view === "follow" && stage.view === "follow") stage.recentre();
+    else stage.view = button.dataset.view;
+  });
+}
+function showView() {
+  for (const button of $.all("[data-view]")) button.setAttribute("aria-checked", button.dataset.view === stage.view);
+}
+stage.addEventListener("view", showView);
+showView();
+
+const roomy = matchMedia("(min-width: 1000px) and (min-height: 560px)");
+function openPanel(open) {
+  $("#panel").hidden = !open;
+  $("#panel-button").setAttribute("aria-expanded", open);
+}
+$("#panel-button").addEventListener("click", () => openPanel($("#panel").hidden));
+openPanel(roomy.matches);
+
+if (!localStorage.getItem("teleop welcomed")) {
+  controls.hint(matchMedia("(pointer: coarse)").matches ? WELCOME_TOUCH : WELCOME);
+  pilot.addEventListener("change", () => localStorage.setItem("teleop welcomed", "yes"), { once: true });
+}

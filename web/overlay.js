@@ -1,0 +1,127 @@
+// The controls over the 3D view: their markup. A shadow root keeps viser's styles and ours apart.
+
+const ICONS = {
+  forward: '<path d="M12 19V6M6 11.5 12 5.5l6 6"/>',
+  back: '<path d="M12 5v13M6 12.5l6 6 6-6"/>',
+  left: '<path d="M19 12H6M11.5 6l-6 6 6 6"/>',
+  right: '<path d="M5 12h13M12.5 6l6 6-6 6"/>',
+  "turn-left": '<path d="M5 4v5h5M5.6 9A7.5 7.5 0 1 1 4.6 13.5"/>',
+  "turn-right": '<path d="M19 4v5h-5M18.4 9a7.5 7.5 0 1 0 1 4.5"/>',
+  reset: '<path d="M4.5 12a7.5 7.5 0 1 0 2.4-5.5L4.5 8.7M4.5 4v4.7h4.7"/>',
+  help: '<path d="M9 9.2a3 3 0 1 1 4.4 2.7c-.9.5-1.4 1.1-1.4 2.1M12 17.6v.1"/>',
+  panel: '<path d="M4 7h9M17 7h3M4 12h3M11 12h9M4 17h9M17 17h3M15 5v4M9 10v4M15 15v4"/>',
+  play: '<path d="M8 5.5v13l10.5-6.5z" fill="currentColor"/>',
+  pause: '<path d="M8.5 5.5v13M15.5 5.5v13"/>',
+  close: '<path d="m6 6 12 12M18 6 6 18"/>',
+  download: '<path d="M12 4v11M7 11l5 5 5-5M5 20h14"/>',
+  trash: '<path d="M5 7h14M10 7V4.5h4V7M7 7l.8 12.5h8.4L17 7"/>',
+};
+
+export function icon(name) {
+  return `<svg viewBox="0 0 24 24" aria-hidden="true">${ICONS[name]}</svg>`;
+}
+
+const pedal = (direction, name) =>
+  `<button class="pedal" data-direction="${direction}" aria-label="${name}">${icon(direction)}<kbd data-keys="${direction}"></kbd></button>`;
+
+const slider = (field, name, low, high, step, value, unit) => `
+  <label class="slider"><span>${name}</span><output></output>
+    <input type="range" data-field="${field}" min="${low}" max="${high}" step="${step}" value="${value}" data-unit="${unit}"></label>`;
+
+const bar = (axis, name, full, unit) =>
+  `<div class="bar" data-axis="${axis}" data-full="${full}" data-unit="${unit}"><span>${name}</span><i><b></b><u></u></i><output>0.00</output></div>`;
+
+const stage = (name, label) => `<tr data-stage="${name}"><th>${label}</th><td></td></tr>`;
+
+const MARKUP = `
+<link rel="stylesheet" href="/web/overlay.css">
+<main>
+  <section class="status card" aria-live="polite">
+    <p class="state"><i class="dot"></i><strong id="state">Connecting</strong><span id="reason"></span></p>
+    <p class="crew"><span id="driver"></span><span id="watchers"></span><span id="factor"></span></p>
+    <button id="take" class="small" hidden>Take over</button>
+  </section>
+
+  <nav class="tools card">
+    <div class="views" role="radiogroup" aria-label="View">
+      <button role="radio" data-view="follow" title="The view walks with the robot">Follow</button>
+      <button role="radio" data-view="eyes" title="What the robot's camera sees">Eyes</button>
+      <button role="radio" data-view="free" title="The view stays where it is">Free</button>
+    </div>
+    <button id="reset" class="icon" title="Put the robot back home">${icon("reset")}</button>
+    <button id="help-button" class="icon" title="Keys and help" aria-expanded="false">${icon("help")}</button>
+    <button id="panel-button" class="icon" title="Posture, recording, details" aria-expanded="false">${icon("panel")}</button>
+  </nav>
+
+  <aside class="panel card" id="panel">
+    <details open><summary>Recording</summary>
+      <div class="record">
+        <button id="record"><i></i><span>Record</span></button>
+        <button id="discard" class="small" hidden>Discard</button>
+      </div>
+      <input id="label" type="text" maxlength="200" placeholder="Label, for example: wave with the left hand" aria-label="Label of the episode">
+      <ul id="episodes"></ul>
+      <p id="no-episodes" class="faint">Nothing recorded yet.</p>
+    </details>
+    <details open><summary>Posture</summary>
+      ${slider("height", "Height", 0.8, 1.02, 0.005, 1, "m")}
+      ${slider("pitch", "Lean forward", -0.2, 0.2, 0.01, 0, "°")}
+      ${slider("roll", "Lean right", -0.2, 0.2, 0.01, 0, "°")}
+      ${slider("waist", "Waist", -0.8, 0.8, 0.02, 0, "°")}
+      ${slider("grip-left", "Left hand", 0, 1, 0.02, 0, "%")}
+      ${slider("grip-right", "Right hand", 0, 1, 0.02, 0, "%")}
+      ${slider("neck-yaw", "Head turn", -1.2, 1.2, 0.02, 0, "°")}
+      ${slider("neck-pitch", "Head down", -0.6, 1.1, 0.02, 0.3, "°")}
+      <button id="straight" class="small">Straighten up</button>
+    </details>
+    <details><summary>Driving</summary>
+      ${slider("pace", "Pace", 0.1, 1, 0.05, 0.5, "m/s")}
+      <label class="check"><input type="checkbox" id="latch"> A tap on Engage keeps it pressed</label>
+    </details>
+    <details><summary>Timing</summary>
+      <table>${[
+        stage("link", "page and back"), stage("queue", "wait for the tick"), stage("ik", "arms"), stage("policy", "legs"),
+        stage("physics", "physics"), stage("publish", "publish"), stage("lateness", "tick late by"), stage("frames", "frames a second"),
+        stage("missed", "ticks missed"),
+      ].join("")}</table>
+    </details>
+  </aside>
+
+  <section class="speeds card" aria-label="Commanded and measured velocity">
+    ${bar("vx", "ahead", 1, "m/s")}${bar("vy", "left", 0.4, "m/s")}${bar("yaw_rate", "turn", 1, "rad/s")}
+  </section>
+
+  <section class="deck">
+    <p class="hint" id="hint" role="status"></p>
+    <button id="engage"><span>Engage</span><kbd data-keys="engage"></kbd></button>
+    <div class="pedals">
+      ${pedal("turn-left", "Turn left")}${pedal("forward", "Walk forward")}${pedal("turn-right", "Turn right")}
+      ${pedal("left", "Step left")}${pedal("back", "Walk back")}${pedal("right", "Step right")}
+    </div>
+    <button id="stop"><span>Stop</span><kbd data-keys="stop"></kbd></button>
+  </section>
+
+  <section class="playback card" id="playback" hidden>
+    <strong>Playback</strong><span id="playback-name"></span>
+    <button id="playback-toggle" class="icon" aria-label="Play or pause">${icon("pause")}</button>
+    <input id="playback-time" type="range" min="0" max="1" step="0.01" value="0" aria-label="Time">
+    <output id="playback-clock"></output>
+    <button id="playback-close" class="icon" aria-label="Back to the robot">${icon("close")}</button>
+  </section>
+
+  <section class="help card" id="help" hidden></section>
+  <section class="lost" id="lost" hidden><p class="card"><strong>Connection lost</strong><span>The robot holds still. Trying again.</span></p></section>
+</main>`;
+
+// Put the controls into the document. Returns $(selector) for one and $.all(selector) for all of their elements.
+export function mount() {
+  const host = document.createElement("div");
+  host.id = "teleop";
+  const root = host.attachShadow({ mode: "open" });
+  root.innerHTML = MARKUP;
+  document.body.append(host);
+  const $ = (selector) => root.querySelector(selector);
+  $.all = (selector) => [...root.querySelectorAll(selector)];
+  $.host = host;
+  return $;
+}
