@@ -102,8 +102,8 @@ class Tape:
         """
         if self.open is not None:
             raise WrongMoment(f"episode {self.open.id} is being recorded; stop it first")
+        metadata, model = self._describe()
         with self._disk():
-            metadata, model = self._describe()
             if self._session is not None and self._session.writer.metadata != metadata:
                 self.release()
             if self._session is None:
