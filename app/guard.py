@@ -95,6 +95,7 @@ class Guard:
         self.rejected = 0
         self._seen, self._serial = ask, ask.serial
         self._good, self._stamp = home, -np.inf
+        self._now = np.inf
         self.reset(Reason.STARTED)
 
     def reset(self, reason: Reason = Reason.RESET) -> None:
@@ -111,9 +112,10 @@ class Guard:
         """What the robot may do in the tick that starts at `now` (monotonic, s) in `state`."""
         self._accept(now, ask)
         self._judge(now, ask, state)
-        self._seen = ask
+        elapsed = max(self.dt, now - self._now)  # longer than a tick on a machine that misses some: it brakes in time too
+        self._seen, self._now = ask, now
         engaged = self.mode == Mode.ENGAGED
-        command = self.limiter.follow(self._good, ask.given) if engaged else self.limiter.hold()
+        command = self.limiter.follow(self._good, ask.given) if engaged else self.limiter.hold(elapsed)
         return Guarded(command, self.mode, self.reason)
 
     def upright(self, state: State) -> bool:

@@ -66,12 +66,13 @@ class Limiter:
             neck=_towards(now.neck, np.clip(wanted.neck, *NECK), NECK_RATE * dt),
             waist=float(_towards(np.array(now.waist), np.clip(wanted.waist, -WAIST, WAIST), WAIST_RATE * dt)),
         )
-        self._brake = np.abs(twist) * dt / STOP_TIME + 1e-9  # so that rounding leaves no creep
+        self._brake = np.abs(twist) / STOP_TIME
         return self.applied
 
-    def hold(self) -> Command:
-        """Brake to zero velocity within STOP_TIME; the posture stays."""
-        twist = _towards(self.applied.twist, np.zeros(3), self._brake)
+    def hold(self, elapsed: float) -> Command:
+        """Brake to zero velocity within STOP_TIME; the posture stays. `elapsed` is the time since the last step [s]."""
+        brake = self._brake * elapsed + 1e-9  # so that rounding leaves no creep
+        twist = _towards(self.applied.twist, np.zeros(3), brake)
         self.applied = replace(self.applied, engage=False, twist=twist)
         return self.applied
 

@@ -65,7 +65,7 @@ class Faulty(AtHome):
         if what == "raise":
             raise RuntimeError("on purpose")
         if what == "late":
-            time.sleep(0.6)
+            time.sleep(0.25)
         return Target({"nan": self.home * np.nan, "shape": self.home[:3]}.get(what, self.home + 0.01))
 
 

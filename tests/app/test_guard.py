@@ -105,6 +105,15 @@ def test_silence_of_200_ms_holds_and_velocity_is_zero_by_300_ms(engaged: Bench) 
     assert not engaged.tick().command.twist.any()
 
 
+def test_a_machine_that_misses_ticks_brakes_in_the_same_time(engaged: Bench) -> None:
+    engaged.drive(1.0, twist=np.array([1.0, 0.4, 1.0]))
+    silent_since = engaged.ask.stamp
+    while engaged.now < silent_since + 0.3 - 3 * DT:
+        engaged.now += 2 * DT
+        ruled = engaged.tick()
+    assert not ruled.command.twist.any()
+
+
 def test_coming_back_from_silence_needs_a_fresh_press(engaged: Bench) -> None:
     engaged.tick(ticks=15)
     engaged.say(replace(HOME, engage=True))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from stand_ins import AtHome, Faulty, HangingPlant
 
-from app import pilot
 from app.inputs.operator import Operators
 from app.loop import Loop
 from app.mode import Mode, Reason
@@ -44,12 +43,6 @@ class Rig:
     def state(self) -> tuple[Mode, Reason]:
         newest = self.snapshots.newest()
         return Mode(newest["mode"]), Reason(newest["reason"])
-
-
-@pytest.fixture(autouse=True)
-def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A busy machine delays honest actions; here only a very late one is late."""
-    monkeypatch.setattr(pilot, "LATE", 25.0)
 
 
 @pytest.fixture
