@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # torch's idle threads must not spin beside the physics
+
 import sys
 from typing import Annotated
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 PANELS = {
     "share of an episode survived": ("survived",),
-    "velocity reward (3 at most)": ("velocity",),
+    "velocity reward": ("velocity",),
     "contacts as scheduled (1 at most)": ("contact",),
     "time in the air, a foot": ("air_walking", "air_standing"),
     "mean velocity error [m/s, rad/s]": ("error_vx", "error_vy", "error_yaw"),

@@ -16,6 +16,8 @@ from robots.state import State
 
 CONTACT = 5.0
 """Force that counts as ground contact [N]."""
+VELOCITY = 3.75
+"""The most that the velocity term pays."""
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,8 @@ class Rewards:
         lift = SWING_HEIGHT * np.sin(np.pi * m.gait.swing()) ** 2
         match = np.where((s.touch > CONTACT) == m.gait.stance(), 0.5, -0.5).sum(-1)
         return {
-            "velocity": 1.5 * np.exp(-slow / 0.12) + 0.75 * np.exp(-slow / 0.015) + 0.75 * np.exp(-fast / 0.06),
-            "turning": 0.75 * np.exp(-turn / 0.15) + 0.5 * np.exp(-turn / 0.02) + 0.35 * np.exp(-turn_now / 0.08),
+            "velocity": 1.5 * np.exp(-slow / 0.12) + 1.25 * np.exp(-slow / 0.015) + 1.0 * np.exp(-fast / 0.06),
+            "turning": 0.75 * np.exp(-turn / 0.15) + 0.5 * np.exp(-turn / 0.02) + 1.0 * np.exp(-turn_now / 0.08),
             "foot_height": 2.0 * np.exp(-((height - lift) ** 2).sum(-1) / 0.002),
             "contact": match,
             "leg_pose": 0.6 * np.exp(-2 * self._pose_error(m)) * walking,
@@ -113,6 +115,7 @@ class Rewards:
             "height": -4 * np.abs(s.position[:, 2] - height),
             "tilt": -5 * ((s.gravity[:, :2] - upright) ** 2).sum(-1),
             "wobble": -0.2 * (s.gyro[:, :2] ** 2).sum(-1),
+            "twisting": -0.6 * (s.yaw_rate - m.twist[:, 2]) ** 2,
             "bounce": -1.0 * s.velocity[:, 2] ** 2,
             "action_rate": -0.05 * ((a - b) ** 2).sum(-1) - 0.02 * ((a - 2 * b + c) ** 2).sum(-1),
             "acceleration": -2.5e-7 * (m.leg_acceleration**2).sum(-1),

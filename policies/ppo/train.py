@@ -21,6 +21,7 @@ from policies.networks import Actor, Critic
 from policies.observation import action_mirror
 from policies.ppo.algorithm import PPO, PPOConfig
 from policies.ppo.env import Stage, WalkEnv
+from policies.ppo.rewards import VELOCITY
 from robots import catalog
 
 STAGES = (
@@ -125,7 +126,7 @@ class Trainer:
         """Heavier penalties as episodes lengthen; the next stage when this one is mastered or its time is up."""
         recent = self.curves[-20:]
         survived = float(np.mean([r["survived"] for r in recent if "survived" in r] or [0]))
-        velocity = float(np.mean([r["velocity"] for r in recent])) / 3.0
+        velocity = float(np.mean([r["velocity"] for r in recent])) / VELOCITY
         if survived > 0.6:
             self.env.penalty = min(1.0, self.env.penalty * 1.015)
         stage = STAGES[self.stage]
