@@ -53,6 +53,8 @@ class ArmModel:
         self._data.qpos[self._order] = q
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
+        for _, _, turn, quaternion in self._wrists:
+            mujoco.mju_mat2Quat(quaternion, turn)
 
     def place(self, q: np.ndarray) -> None:
         """Move the joints to q [size], rad; everything below speaks of this placement."""
@@ -63,8 +65,7 @@ class ArmModel:
     def wrists(self) -> np.ndarray:
         """Left and right wrist: position [m] and quaternion wxyz in the pelvis frame [2, 7]."""
         poses = np.empty((2, 7))
-        for pose, (_, position, turn, quaternion) in zip(poses, self._wrists, strict=True):
-            mujoco.mju_mat2Quat(quaternion, turn)
+        for pose, (_, position, _, quaternion) in zip(poses, self._wrists, strict=True):
             pose[:3], pose[3:] = position, quaternion
         return poses
 
@@ -77,9 +78,8 @@ class ArmModel:
 
         The next call overwrites it.
         """
-        for target, (_, position, turn, quaternion), (shift, spin) in zip(wrists, self._wrists, self._missing, strict=True):
+        for target, (_, position, _, quaternion), (shift, spin) in zip(wrists, self._wrists, self._missing, strict=True):
             np.subtract(target[:3], position, out=shift)
-            mujoco.mju_mat2Quat(quaternion, turn)
             mujoco.mju_subQuat(spin, target[3:], quaternion)
             mujoco.mju_rotVecQuat(spin, spin.copy(), quaternion)  # from the wrist's frame to the pelvis frame
         return self._errors

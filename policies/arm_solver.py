@@ -1,7 +1,7 @@
 """One tick of inverse kinematics: the joint step that a small quadratic program chooses, checked before it is taken.
 
-mink solves the same kind of program. Its assembly in Python takes several times as long as this one, and its collision rows
-allow 1/dt times the step they mean to allow: two arms sank 62 mm into each other.
+mink solves the same kind of program, without the check. Measured side by side it takes 1.6 times as long, and its collision
+rows (1.3) allow 1/dt times the step they mean to allow: two arms sank 62 mm into each other.
 Here vectors of three or four numbers are Python floats on purpose: an array operation on them costs ten times as much.
 """
 
@@ -147,7 +147,7 @@ class ArmSolver:
         """Take the step, or the largest half of a half of it that lowers the cost and does not let the body touch itself."""
         start, cost, near = self.q, self._cost(self.q), self.model.clearance()
         floor, share = min(near, FLOOR), 1.0
-        while share >= SMALLEST and (share * promise > REST or near < FLOOR):
+        while share >= SMALLEST and (share * promise > 2 * REST or near < FLOOR):  # half of it may be lost to curvature
             self.q = start + share * step
             self.model.place(self.q)
             self.gaps, clear = _sizes(self.model.errors(wrists)), self.model.clearance()
@@ -164,7 +164,7 @@ class ArmSolver:
         """What `_solve` makes smaller: the squares of the gaps up to their bounds, straight lines beyond."""
         bent, cost = q - self.natural, 0.0
         for gap, weight, bound in zip(self.gaps, WEIGHTS * 2, BOUNDS * 2, strict=True):
-            pull = min(gap, bound)
+            pull = gap if gap < bound else bound
             cost += weight * weight * pull * (gap - pull / 2)
         return cost + 0.5 * float(self._bend.dot(bent * bent))
 
@@ -203,7 +203,10 @@ def _sizes(errors: np.ndarray) -> list[float]:
 
 def _pull(gaps: list[float]) -> tuple[np.ndarray, np.ndarray]:
     """Share of each error that pulls [12], and the damping of each arm [2] by the pulls' turning."""
-    pulls = [min(gap, bound) for gap, bound in zip(gaps, BOUNDS * 2, strict=True)]
-    shares = [pull / max(gap, 1e-12) for pull, gap in zip(pulls, gaps, strict=True)]
-    turns = [DAMPING * pull * weight * weight * lever for pull, weight, lever in zip(pulls, WEIGHTS * 2, LEVER * 2, strict=True)]
-    return np.array(shares).repeat(3), np.array([turns[0] + turns[1], turns[2] + turns[3]])
+    shares, turns = [], []
+    for gap, weight, bound, lever in zip(gaps, WEIGHTS * 2, BOUNDS * 2, LEVER * 2, strict=True):
+        pull, share = (gap, 1.0) if gap < bound else (bound, bound / gap)
+        shares += (share, share, share)
+        turns.append(DAMPING * pull * weight * weight * lever)
+    both = np.array([*shares, turns[0] + turns[1], turns[2] + turns[3]])
+    return both[:12], both[12:]

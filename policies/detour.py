@@ -29,20 +29,20 @@ class Detour:
 
     def __init__(self, scout: Scout, arm: int) -> None:
         self._scout, self._arm = scout, arm
-        self.reset(np.zeros(7))
+        self.reset([0.0] * 7)
 
-    def reset(self, target: np.ndarray) -> None:
+    def reset(self, target: list[float]) -> None:
         """Stand at a target [7] for which nothing has been tried."""
-        self._target, self._quiet, self._stuck, self._age = target.copy(), 0, 0, 0
-        self._tried: np.ndarray | None = None
+        self._target, self._quiet, self._stuck, self._age = target, 0, 0, 0
+        self._tried: list[float] | None = None
         self._search: Iterator[np.ndarray | None] | None = None
         self.posture: np.ndarray | None = None
         """The posture [n] to swing to now, None to follow the target."""
 
-    def update(self, target: np.ndarray, q: np.ndarray, gap: Sequence[float], before: Sequence[float], held: bool) -> None:
+    def update(self, target: list[float], q: np.ndarray, gap: Sequence[float], before: Sequence[float], held: bool) -> None:
         """One tick: joint targets q [n], the arm's distance and angle to its target [7] now and a tick ago, whether it is held back."""
         if _apart(target, self._target, STILL):
-            self._target, self._quiet, self._stuck, self._search = target.copy(), 0, 0, None
+            self._target, self._quiet, self._stuck, self._search = target, 0, 0, None
         self._quiet += 1
         if self._tried is not None and _apart(target, self._tried, SAME):
             self._tried = self.posture = None
@@ -53,7 +53,7 @@ class Detour:
         elif self._search is not None:
             self._look()
         elif self._tried is None and self._quiet > QUIET and self._is_stuck(gap, before, held):
-            self._tried, self._search = target.copy(), self._scout.search(self._arm, target.copy(), q)
+            self._tried, self._search = target, self._scout.search(self._arm, np.array(target), q)
 
     def _is_stuck(self, gap: Sequence[float], before: Sequence[float], held: bool) -> bool:
         """Whether the arm is off its target and has not come nearer for some ticks."""
@@ -74,7 +74,9 @@ class Detour:
             self._search, self._age = None, 0
 
 
-def _apart(one: np.ndarray, other: np.ndarray, least: tuple[float, float]) -> bool:
+def _apart(one: list[float], other: list[float], least: tuple[float, float]) -> bool:
     """Whether two poses [7] differ by more than a distance [m] or an angle [rad]."""
-    cosine = min(abs(float(one[3:].dot(other[3:]))), 1.0)
+    if one == other:
+        return False
+    cosine = min(abs(sum(a * b for a, b in zip(one[3:], other[3:], strict=True))), 1.0)
     return math.dist(one[:3], other[:3]) > least[0] or 2 * math.acos(cosine) > least[1]

@@ -22,6 +22,7 @@ def wrist_poses(wrists: np.ndarray) -> tuple[list[float] | None, list[float] | N
 
 
 def _pose(row: list[float]) -> list[float] | None:
-    length = math.hypot(*row[3:])
-    near = all(abs(x) < FARTHEST for x in row[:3])  # false for a NaN
-    return [*row[:3], *(x / length for x in row[3:])] if near and abs(length - 1) < SLACK else None
+    x, y, z, *quaternion = row
+    length = math.hypot(*quaternion)
+    near = abs(x) < FARTHEST and abs(y) < FARTHEST and abs(z) < FARTHEST  # false for a NaN
+    return [x, y, z, *(part / length for part in quaternion)] if near and abs(length - 1) < SLACK else None

@@ -61,7 +61,7 @@ class Reach:
         """Start from joint angles q [n] of waist and arms, rad; they are the posture until `solve` moves them."""
         self._solver.place(q)
         self._feedforward.reset(self._solver.q)
-        self._targets = self._model.wrists()
+        self._targets = self._model.wrists().tolist()
         self._solver.gaps = [0.0] * 4
         for arm, detour in enumerate(self._detours):
             detour.reset(self._targets[arm])
@@ -70,13 +70,13 @@ class Reach:
     def solve(self, wrists: np.ndarray, waist: float = 0.0) -> Reached:
         """One tick towards two wrist poses [2, 7] in the pelvis frame and a waist yaw [rad]. Never raises, whatever it is given."""
         poses = wrist_poses(wrists)
-        for target, pose in zip(self._targets, poses, strict=True):
+        for arm, pose in enumerate(poses):
             if pose is not None:
-                target[:] = pose
+                self._targets[arm] = pose
         if self._yaw is not None and math.isfinite(waist):
             self._solver.natural[self._yaw] = min(max(waist, self._solver.lower[self._yaw]), self._solver.upper[self._yaw])
         before, still = self._solver.gaps, (poses[0] is None, poses[1] is None)
-        blocked = None if all(still) else self._solver.step(self._targets, still)
+        blocked = None if all(still) else self._solver.step(np.array(self._targets), still)
         reasons = [self._reason(i, blocked, before) if pose is not None else "invalid" for i, pose in enumerate(poses)]
         self._plan(reasons, before, blocked)
         gaps = np.array(self._solver.gaps).reshape(2, 2)
@@ -106,7 +106,7 @@ class Reach:
             return ""
         if blocked.collision[arm]:
             return "collision"
-        if math.dist(self._targets[arm, :3], self._model.shoulders()[arm]) > self._scout.lengths[arm]:
+        if math.dist(self._targets[arm][:3], self._model.shoulders()[arm].tolist()) > self._scout.lengths[arm]:
             return "reach"
         return "limit" if blocked.limit[arm] else "speed" if blocked.speed[arm] else "reach"
 
