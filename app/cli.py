@@ -56,6 +56,8 @@ def serve(config: Serve) -> int:
     with listen(config.host, config.port) as door:
         session = Session(config)
         try:
+            for line in session.missing():
+                print(line, file=sys.stderr)
             print(f"{config.robot} stands. Open http://{_in_url(config.host)}:{door.getsockname()[1]} - Ctrl-C ends.", flush=True)
             options = uvicorn.Config(
                 session.app(),

@@ -9,6 +9,7 @@ from contextlib import suppress
 
 from fastapi import APIRouter, FastAPI, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import JSONResponse
+from fastapi_offline import FastAPIOffline
 from pydantic import ValidationError
 
 from app.errors import AppError
@@ -47,7 +48,7 @@ def create_app(
         host: the configured host name.
         routers: page, episodes.
     """
-    app = FastAPI(title="humanoid-teleop", description="Drive a walking humanoid.", version=str(VERSION))
+    app = FastAPIOffline(title="humanoid-teleop", description="Drive a walking humanoid.", version=str(VERSION))
     app.add_middleware(Gate, host=host)
     app.add_exception_handler(AppError, _say)
     app.webhooks.add_api_route("operator", _operator_socket, methods=["POST"], summary="WS /api/operator")

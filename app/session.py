@@ -64,6 +64,10 @@ class Session:
         routers = [*self._page.routers, episodes.router(self.episodes)]
         return create_app(self.health, self.operators, self.reset, self._host, routers)
 
+    def missing(self) -> list[str]:
+        """What the robot could look better with; a sentence each."""
+        return self._robot.missing()
+
     def health(self) -> Health:
         """The record of this moment."""
         recorder = self.episodes.recorder.status()
