@@ -120,15 +120,17 @@ async def _relay(socket: WebSocket, address: str, protocols: list[Subprotocol]) 
                 await asyncio.gather(*tasks, return_exceptions=True)
     except (OSError, InvalidHandshake, ConnectionClosed):
         pass
-    with suppress(WebSocketDisconnect, RuntimeError):  # it may be the page that left
-        await socket.close(GONE)
+    with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):  # the page may have left, or may be what is blocked
+        await asyncio.wait_for(socket.close(GONE), 1.0)
 
 
 async def _forward(viser: ClientConnection, socket: WebSocket) -> None:
+    before = 0  # bytes; sending waits until the page has taken in the message before
     with suppress(WebSocketDisconnect, ConnectionClosed, TimeoutError, RuntimeError):
         async for message in viser:
             assert isinstance(message, bytes)
-            await asyncio.wait_for(socket.send_bytes(message), BLOCKED + len(message) / SLOWEST)
+            await asyncio.wait_for(socket.send_bytes(message), BLOCKED + before / SLOWEST)
+            before = len(message)
 
 
 async def _ignore(socket: WebSocket) -> None:

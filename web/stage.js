@@ -5,9 +5,10 @@ import { add, distance, rotate, subtract } from "./rotation.js";
 
 const FOLLOW_S = 0.25; // how softly the view follows
 const TELEPORT = 1.5; // a robot that moved further than this between two frames was put there [m]
-const FOV = (42 * Math.PI) / 180; // as app/outputs/scene.py
-const WIDE = { position: [2.3, -1.5, 1.55], at: [0, 0, 0.95] };
-const TALL = { position: [3.1, -2.0, 1.5], at: [0, 0, 0.5] }; // a phone's lower half is under the pedals
+const FOV = (40 * Math.PI) / 180;
+// Where one looks from at first; the pedals lie over the lower part of the view, on a phone over nearly half of it.
+const WIDE = { position: [2.75, -1.75, 1.5], at: [0, 0, 0.74] };
+const TALL = { position: [3.9, -2.5, 1.6], at: [0, 0, 0.42] };
 
 export class Stage extends EventTarget {
   #view = "follow";
@@ -75,7 +76,8 @@ export class Stage extends EventTarget {
   #redraw() {
     const qpos = this.playback ? null : this.live.newest;
     if (qpos) this.#show(qpos);
-    if (this.#home === TALL && !this.#centre) this.#lookFrom(TALL);
+    if (this.#centre) this.viewer.centre(this.#centre);
+    else this.#lookFrom(this.#home);
   }
 
   #draw(now) {

@@ -27,7 +27,7 @@ export class Status {
     if (now - this.#shown < SHOW_MS) return;
     this.#shown = now;
     text($("#state"), WORDS[answer.state]);
-    text($("#reason"), answer.reason);
+    text($("#reason"), answer.reason.replace(/^stopped; /, "")); // the word stands before it already
     text($("#driver"), !answer.driver ? "nobody drives" : answer.driving ? "you drive" : `${answer.driver} drives`);
     const watchers = answer.clients - (answer.driver ? 1 : 0);
     text($("#watchers"), watchers === 1 ? "1 watches" : watchers > 1 ? `${watchers} watch` : "");

@@ -2,7 +2,7 @@
 
 const FLOOR = {
   light: { plane_color: [232, 235, 240], cell_color: [212, 216, 224], section_color: [190, 196, 207], shadow_opacity: 0.3 },
-  dark: { plane_color: [45, 50, 60], cell_color: [58, 64, 76], section_color: [78, 86, 101], shadow_opacity: 0.55 },
+  dark: { plane_color: [67, 73, 86], cell_color: [80, 87, 101], section_color: [98, 106, 122], shadow_opacity: 0.5 },
 };
 
 import { drawsInSoftware } from "./graphics.js";

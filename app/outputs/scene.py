@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import mujoco
-import numpy as np
 import viser
 
 from app.outputs import geometry
@@ -13,7 +12,7 @@ from robots.spec import RobotSpec
 GHOST_FACES = 3000
 """Triangles of a ghost hand."""
 GHOST_RGB = (255, 176, 46)
-HANDLE_SIZE = 0.13
+HANDLE_SIZE = 0.15
 """Length of a handle's arrows [m]."""
 SIDES = ("left", "right")
 
@@ -36,7 +35,7 @@ def build(server: viser.ViserServer, spec: RobotSpec, model: mujoco.MjModel) -> 
 
 
 def _surroundings(server: viser.ViserServer) -> None:
-    """Floor, light and the first look at it; the page colours them for its light or dark theme."""
+    """Floor and light; the page colours them for its light or dark theme."""
     scene = server.scene
     scene.world_axes.visible = False
     scene.add_grid(
@@ -44,9 +43,6 @@ def _surroundings(server: viser.ViserServer) -> None:
         section_thickness=0.9, shadow_opacity=0.35, plane_opacity=1.0,
     )  # fmt: skip
     scene.configure_default_lights(enabled=True, cast_shadow=True)
-    server.initial_camera.position = (2.3, -1.5, 1.55)
-    server.initial_camera.look_at = (0.0, 0.0, 0.95)
-    server.initial_camera.fov = float(np.deg2rad(42))
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_layout="floating")
 
 
