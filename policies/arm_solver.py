@@ -144,7 +144,7 @@ class ArmSolver:
         return _minimum(hessian, slope, gradient, np.concatenate([lower, yielding]), high)
 
     def _take(self, step: np.ndarray, promise: float, wrists: np.ndarray) -> None:
-        """Take the step, or the largest half of a half of it that lowers the cost and does not let the body touch itself."""
+        """Take the step, or the largest quarter of a quarter of it that lowers the cost and does not let the body touch itself."""
         start, cost, near = self.q, self._cost(self.q), self.model.clearance()
         floor, share = min(near, FLOOR), 1.0
         while share >= SMALLEST and (share * promise > 2 * REST or near < FLOOR):  # half of it may be lost to curvature
@@ -154,7 +154,7 @@ class ArmSolver:
             apart = near < clear < FLOOR  # parts that overlap may leave the targets to come apart
             if clear >= floor and (apart or self._cost(self.q) < cost - REST):
                 return
-            share /= 2
+            share /= 4
         if self.q is not start:
             self.q = start
             self.model.place(start)
