@@ -115,7 +115,7 @@ class Rewards:
             "height": -4 * np.abs(s.position[:, 2] - height),
             "tilt": -5 * ((s.gravity[:, :2] - upright) ** 2).sum(-1),
             "wobble": -0.2 * (s.gyro[:, :2] ** 2).sum(-1),
-            "twisting": -0.6 * (s.yaw_rate - m.twist[:, 2]) ** 2,
+            "twisting": -1.2 * (s.yaw_rate - m.twist[:, 2]) ** 2,
             "bounce": -1.0 * s.velocity[:, 2] ** 2,
             "action_rate": -0.05 * ((a - b) ** 2).sum(-1) - 0.02 * ((a - 2 * b + c) ** 2).sum(-1),
             "acceleration": -2.5e-7 * (m.leg_acceleration**2).sum(-1),
