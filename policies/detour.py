@@ -42,7 +42,9 @@ class Detour:
     def update(self, target: list[float], q: np.ndarray, gap: Sequence[float], before: Sequence[float], held: bool) -> None:
         """One tick: joint targets q [n], the arm's distance and angle to its target [7] now and a tick ago, whether it is held back."""
         if _apart(target, self._target, STILL):
-            self._target, self._quiet, self._stuck, self._search = target, 0, 0, None
+            if self._search is not None:
+                self._search = self._tried = None  # not thought through: it may be sought again
+            self._target, self._quiet, self._stuck = target, 0, 0
         self._quiet += 1
         if self._tried is not None and _apart(target, self._tried, SAME):
             self._tried = self.posture = None
