@@ -10,8 +10,8 @@ SIZE = 36
 """Numbers in a command's vector: engage 1, twist 3, posture 3, wrists 2 x 7, hands 2 x 6, neck 2, waist yaw 1."""
 
 
-def _identity_wrists() -> np.ndarray:
-    return np.array([[0.3, 0.25, 0.05, 1, 0, 0, 0], [0.3, -0.25, 0.05, 1, 0, 0, 0]], dtype=float)
+def _forearms_ahead() -> np.ndarray:
+    return np.array([[0.22, 0.29, 0.0, 0.978, 0.071, 0.195, 0.029], [0.22, -0.29, 0.0, 0.978, -0.071, 0.195, -0.029]])
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Command:
     """Lean of the pelvis to its right [rad]."""
     pitch: float = 0.0
     """Lean of the pelvis forward [rad]."""
-    wrists: np.ndarray = field(default_factory=_identity_wrists)
+    wrists: np.ndarray = field(default_factory=_forearms_ahead)
     """Left and right wrist: position [m] and quaternion wxyz in the pelvis frame [2, 7]."""
     hands: np.ndarray = field(default_factory=lambda: np.zeros((2, 6)))
     """Left and right hand: thumb yaw, thumb pitch, index, middle, ring, pinky; 0 open, 1 closed [2, 6]."""

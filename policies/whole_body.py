@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from policies.command import Command
+from policies.interpolator import Interpolator
 from policies.observation import LATENT
 from policies.reach import Reach, Reached
 from policies.walk import Walk
@@ -45,6 +46,7 @@ class WholeBody:
         """
         self._spec = spec = robot.spec
         self._reach = Reach(robot, dt=1 / spec.policy_rate)
+        self._interpolator = Interpolator(self._reach.forward(spec.home[spec.group("waist", "arms")]), 1 / spec.policy_rate)
         self._walk = Walk(robot, walk)
         self._upper, self._hands, self._neck = spec.group("waist", "arms"), spec.group("hands"), spec.group("neck")
         self._open = np.maximum(spec.lower, 0.0)[self._hands]
@@ -62,15 +64,16 @@ class WholeBody:
     def reset(self, state: State) -> None:
         """Forget the past; the arms start from where they are."""
         self._reach.reset(state.q[self._upper])
+        self._interpolator.reset(self._reach.forward(state.q[self._upper]))
         self._walk.reset()
 
     def act(self, state: State, command: Command) -> Target:
         """Targets of all motors [41]."""
         began = perf_counter()
-        reached = self._reach.solve(command.wrists, command.waist)
+        reached = self._reach.solve(self._interpolator.step(command.wrists), command.waist)
         solved = perf_counter()
         spec, q = self._spec, self._spec.home.copy()
-        q[self._upper] = reached.q + self._reach.sag(reached.q, state.gravity)
+        q[self._upper] = reached.q + self._reach.lead(state.gravity)
         q[self._hands] = self._open + command.hands.ravel() * (self._closed - self._open)
         q[self._neck] = command.neck
         posture = np.array([[command.height, command.roll, command.pitch]])

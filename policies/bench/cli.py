@@ -11,7 +11,7 @@ from typing import Annotated
 
 import tyro
 
-from policies.bench import drive, speed, walk
+from policies.bench import arms, drive, speed, walk
 from policies.errors import PolicyError
 from robots.errors import RobotError
 
@@ -19,6 +19,7 @@ Bench = (
     Annotated[walk.WalkBench, tyro.conf.subcommand("walk")]
     | Annotated[speed.SpeedBench, tyro.conf.subcommand("speed")]
     | Annotated[drive.DriveBench, tyro.conf.subcommand("drive")]
+    | Annotated[arms.ArmsBench, tyro.conf.subcommand("arms")]
 )
 
 
@@ -33,6 +34,8 @@ def main() -> None:
                 speed.run(config)
             case drive.DriveBench():
                 drive.run(config)
+            case arms.ArmsBench():
+                arms.run(config)
     except (PolicyError, RobotError) as error:
         sys.exit(f"teleop-bench: {error}")
     except KeyboardInterrupt:

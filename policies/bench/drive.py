@@ -7,7 +7,6 @@ import json
 import math
 import sys
 import time
-from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -18,9 +17,10 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import ConnectionClosed, WebSocketException
-from websockets.typing import Origin, Subprotocol
+from websockets.exceptions import WebSocketException
+from websockets.typing import Origin
 
+from policies.bench.page import watch
 from policies.commit import commit
 
 ROUND: tuple[tuple[str, float, tuple[float, float, float]], ...] = (
@@ -64,8 +64,8 @@ class Log:
     records: list[dict] = field(default_factory=list)
     still: list[tuple[float, float]] = field(default_factory=list)
     """Wrist errors while standing still [m, degrees]."""
-    watched: int = 0
-    """Bytes that the watchers took in."""
+    watched: list[int] = field(default_factory=list)
+    """Bytes of every message that the watchers took in."""
 
 
 def run(config: DriveBench) -> dict:
@@ -102,7 +102,7 @@ def summarise(log: Log, config: DriveBench) -> dict:
         "wrist_error_degrees": float(errors[:, 1].mean()),
         "rejected": last["rejected"] - first["rejected"],
         "answers": len(log.records),
-        "kilobytes_a_second_a_watcher": log.watched / 1e3 / wall / max(config.watchers, 1),
+        "kilobytes_a_second_a_watcher": sum(log.watched) / 1e3 / wall / max(config.watchers, 1),
         "scheduler": last["scheduler"],
         "commit": commit(),
         "policy": last["policy"],
@@ -110,11 +110,9 @@ def summarise(log: Log, config: DriveBench) -> dict:
 
 
 async def _drive(config: DriveBench) -> Log:
-    socket_url = "ws" + config.url.removeprefix("http").rstrip("/")
-    origin = Origin("{0.scheme}://{0.netloc}".format(urlsplit(config.url)))
-    log = Log()
-    async with connect(f"{socket_url}/api/operator", origin=origin, compression=None) as operator:
-        watchers = [asyncio.create_task(_watch(f"{socket_url}/", origin, log)) for _ in range(config.watchers)]
+    address, log = urlsplit(config.url).netloc, Log()
+    async with connect(f"ws://{address}/api/operator", origin=Origin(f"http://{address}"), compression=None) as operator:
+        watchers = [asyncio.create_task(watch(address, log.watched.append)) for _ in range(config.watchers)]
         try:
             await _operate(operator, config, log)
         finally:
@@ -122,16 +120,6 @@ async def _drive(config: DriveBench) -> Log:
                 task.cancel()
             await asyncio.gather(*watchers, return_exceptions=True)
     return log
-
-
-async def _watch(url: str, origin: Origin, log: Log) -> None:
-    import viser  # the pages speak the protocol of this version
-
-    with suppress(ConnectionClosed):
-        protocol = Subprotocol(f"viser-v{viser.__version__}")
-        async with connect(url, origin=origin, subprotocols=[protocol], compression=None, max_size=None) as page:
-            async for message in page:
-                log.watched += len(message)
 
 
 async def _operate(operator: ClientConnection, config: DriveBench, log: Log) -> None:

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
+from policies.bench import reach, stream
 from policies.command import Command
 from policies.commit import commit
 from policies.ppo.train import Trainer, WalkConfig
@@ -36,6 +37,8 @@ class SpeedBench:
     """Name in the catalog."""
     ticks: int = 1500
     """Ticks of the loop to time."""
+    targets: int = 200
+    """Random wrist targets for the arms, a simulated second each."""
     updates: int = 4
     """Training updates to time."""
     json: Path | None = None
@@ -46,12 +49,16 @@ def run(config: SpeedBench) -> dict:
     """Time everything; prints a table and returns the JSON record."""
     robot = catalog.load(config.robot)
     with Progress(transient=True) as progress:
-        task = progress.add_task("timing the loop", total=2)
+        task = progress.add_task("timing the loop", total=4)
         stages = loop(robot, config)
+        progress.update(task, advance=1, description="timing hard arm targets")
+        arms = reach.measure(robot, config.targets)
+        progress.update(task, advance=1, description="timing the stream")
+        pages = stream.measure(config.policy)
         progress.update(task, advance=1, description="timing training")
         training = learner(robot, config)
         progress.advance(task)
-    record = {"ms": stages, "training": training, "commit": commit(), "policy": config.policy}
+    record = {"ms": stages, "arms": arms, "stream": pages, "training": training, "commit": commit(), "policy": config.policy}
     table = Table(title="one tick at 50 Hz")
     for name in ("part", "p50 ms", "p99 ms"):
         table.add_column(name, justify="right")
@@ -59,6 +66,12 @@ def run(config: SpeedBench) -> dict:
         table.add_row(name, f"{row['p50']:.3f}", f"{row['p99']:.3f}")
     console = Console()
     console.print(table)
+    sweep = arms["ik_ms"]
+    console.print(
+        f"IK over {config.targets} random targets (unreachable and NaN too): p50 {sweep['p50']:.3f} ms, p99 {sweep['p99']:.3f} ms"
+    )
+    for count, page in pages.items():
+        console.print(f"{count} pages: {100 * page['core_share']:.0f} % of a core, {page['kilobytes_a_second']:.0f} kB/s each")
     share = f"{100 * training['share']:.0f} %"
     console.print(
         f"training {training['steps_per_second']:.0f} control steps/s, {share} of bare physics ({training['bare_steps_per_second']:.0f})"

@@ -82,14 +82,23 @@ class Rewards:
         height = foot_heights(s)
         lift = SWING_HEIGHT * np.sin(np.pi * m.gait.swing()) ** 2
         match = np.where((s.touch > CONTACT) == m.gait.stance(), 0.5, -0.5).sum(-1)
+        sunk, leant = (s.position[:, 2] - m.posture[:, 0]) ** 2, self._lean_error(m)
         return {
             "velocity": 1.5 * np.exp(-slow / 0.12) + 1.25 * np.exp(-slow / 0.015) + 1.0 * np.exp(-fast / 0.06),
             "turning": 0.75 * np.exp(-turn / 0.15) + 0.5 * np.exp(-turn / 0.02) + 1.0 * np.exp(-turn_now / 0.08),
             "foot_height": 2.0 * np.exp(-((height - lift) ** 2).sum(-1) / 0.002),
             "contact": match,
+            "posture": 1.2 * np.exp(-sunk / 0.003) + 1.2 * np.exp(-leant / 0.006),
             "leg_pose": 0.6 * np.exp(-2 * self._pose_error(m)) * walking,
             "alive": np.full(len(walking), 0.3),
         }
+
+    @staticmethod
+    def _lean_error(m: Moment) -> np.ndarray:
+        """Squared distance of gravity in the pelvis frame from where roll and pitch commands put it [n]."""
+        _, roll, pitch = m.posture.T
+        asked = np.stack([np.sin(pitch), -np.sin(roll) * np.cos(pitch)], -1)
+        return ((m.state.gravity[:, :2] - asked) ** 2).sum(-1)
 
     def _pose_error(self, m: Moment) -> np.ndarray:
         bump = np.sin(np.pi * m.gait.swing())[:, :, None] * np.array([-0.35, 0.6, -0.25])
@@ -100,8 +109,6 @@ class Rewards:
         """What costs; scaled up by the curriculum as episodes lengthen."""
         s, gait = m.state, m.gait
         q, dq = s.q[:, self._legs], s.dq[:, self._legs]
-        height, roll, pitch = m.posture.T
-        upright = np.stack([np.sin(pitch), -np.sin(roll) * np.cos(pitch)], -1)
         a, b, c = m.actions
         contact = s.touch > CONTACT
         gap = np.hypot(s.feet[:, 0, 0] - s.feet[:, 1, 0], s.feet[:, 0, 1] - s.feet[:, 1, 1])
@@ -112,8 +119,8 @@ class Rewards:
         sole_tilt = s.roll_pitch[:, :1] + q[:, self._sideways[1::2]] + q[:, self._ankle_rolls]
         sole_pitch = s.roll_pitch[:, 1:] + q[:, self._pitches].sum(-1)
         return {
-            "height": -4 * np.abs(s.position[:, 2] - height),
-            "tilt": -5 * ((s.gravity[:, :2] - upright) ** 2).sum(-1),
+            "height": -4 * np.abs(s.position[:, 2] - m.posture[:, 0]),
+            "tilt": -5 * self._lean_error(m),
             "wobble": -0.2 * (s.gyro[:, :2] ** 2).sum(-1),
             "twisting": -1.2 * (s.yaw_rate - m.twist[:, 2]) ** 2,
             "bounce": -1.0 * s.velocity[:, 2] ** 2,

@@ -27,7 +27,7 @@ from robots import catalog
 STAGES = (
     Stage("A", 6e6, stand=0.12, vx=(0.2, 0.8), vy=0.1, yaw=0.3, push=0.3, arms=False),
     Stage("B", 12e6, stand=0.25, push=0.8, posture=0.15),
-    Stage("C", 1e12, stand=0.3, push=1.3, posture=0.2),
+    Stage("C", 1e12, stand=0.3, push=1.3, posture=0.35),
 )
 
 

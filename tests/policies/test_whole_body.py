@@ -1,0 +1,85 @@
+"""The shipped weights on the play model: the robot stands still, walks, stops, and its wrists go where they are told."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from policies.command import Command
+from policies.whole_body import WholeBody
+from robots import catalog
+from robots.plant import Plant
+from robots.state import State
+
+
+class Robot:
+    """Plant and policy, driven by hand."""
+
+    def __init__(self) -> None:
+        torch.set_num_threads(1)
+        self.robot = catalog.load("h1")
+        self.plant, self.policy = Plant(self.robot), WholeBody(self.robot, "walk_h1")
+        self.state = self.plant.reset()
+        self.policy.reset(self.state)
+        self.home = replace(Command(), engage=True)
+
+    def run(self, seconds: float, command: Command) -> list[State]:
+        states = []
+        for _ in range(round(50 * seconds)):
+            self.state = self.plant.step(self.policy.act(self.state, command))
+            states.append(self.state)
+        return states
+
+
+@pytest.fixture
+def robot() -> Robot:
+    return Robot()
+
+
+def test_it_stands_still_without_a_step(robot):
+    states = robot.run(6, robot.home)
+    assert max(np.linalg.norm(s.position[:2]) for s in states) < 0.05
+    assert all((s.touch > 0).all() for s in states[25:]), "both feet stay down"
+    assert robot.state.position[2] == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("twist", [(0.5, 0, 0), (-0.3, 0, 0), (0, 0.3, 0), (0, 0, 0.5), (0.4, 0, -0.4)])
+def test_it_goes_where_it_is_told_and_stops(robot, twist):
+    states = robot.run(6, replace(robot.home, twist=np.array(twist, float)))[100:]
+    velocity = np.mean([[*s.heading_velocity, float(s.yaw_rate)] for s in states], axis=0)
+    np.testing.assert_allclose(velocity, twist, atol=0.12)
+    states = robot.run(4, robot.home)[150:]
+    assert max(np.linalg.norm(s.velocity[:2]) for s in states) < 0.1
+    assert all((s.touch > 0).all() for s in states[-25:])
+
+
+def test_wrists_arrive_within_a_second_while_standing(robot):
+    robot.run(1, robot.home)
+    wrists = robot.home.wrists + np.array([[0.08, 0.02, 0.15, 0, 0, 0, 0], [0.05, -0.02, 0.1, 0, 0, 0, 0]])
+    robot.run(1, replace(robot.home, wrists=wrists))
+    states = robot.run(1, replace(robot.home, wrists=wrists))
+    data, pelvis = robot.plant.data, robot.plant.data.body("pelvis")
+    for side, target in zip(robot.robot.spec.wrists, wrists, strict=True):
+        actual = pelvis.xmat.reshape(3, 3).T @ (data.site(side).xpos - pelvis.xpos)
+        assert np.linalg.norm(actual - target[:3]) < 0.01
+    assert all((s.touch > 0).all() for s in states)
+
+
+@pytest.mark.parametrize(("field", "value"), [("height", 0.88), ("roll", 0.12), ("pitch", 0.15)])
+def test_it_crouches_and_leans(robot, field, value):
+    states = robot.run(5, replace(robot.home, **{field: value}))[-25:]
+    actual = {
+        "height": [s.position[2] for s in states],
+        "roll": [s.roll_pitch[0] for s in states],
+        "pitch": [s.roll_pitch[1] for s in states],
+    }
+    assert np.mean(actual[field]) == pytest.approx(value, abs=0.05)
+
+
+def test_a_push_is_walked_off(robot):
+    robot.run(1, robot.home)
+    robot.plant.data.qvel[1] += 0.8
+    robot.run(6, robot.home)
+    assert robot.state.gravity[2] < -0.98
+    assert np.linalg.norm(robot.state.velocity[:2]) < 0.1
