@@ -117,7 +117,7 @@ class ClipSet:
             UnusableClips: there is no such file, it is damaged, or its joints are not this robot's.
         """
         try:
-            with np.load(path, allow_pickle=False) as stored:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
                 store = {name: stored[name] for name in stored.files}
             head = json.loads(str(store["head"]))
             ends = np.cumsum(store["length"])

@@ -37,9 +37,9 @@ SECONDS = (0.13, 2.5)
 """Shortest and longest reach [s]."""
 MIN_JERK_PEAK = 1.875
 """Peak speed of a min-jerk reach, in displacements a duration."""
-REST = (0.05, 0.6)
+REST = (0.12, 0.6)
 """Share of time in rests of their own, and their mean length [s]; slow ends of reaches and a hand that waits for the other add to
-it: hands are below 0.05 m/s for 21 % of the time (people 22 %)."""
+it."""
 TOGETHER, APART = 0.4, 0.4
 """Share of reaches with both hands in phase, and independent; in the rest one hand keeps still."""
 BOX = ((0.12, 0.5), (-0.05, 0.6), (-0.15, 0.6))
@@ -48,6 +48,9 @@ REACH = 0.52
 """Farthest goal from the shoulder [m]."""
 SHOULDER = np.array([0.0, 0.21, 0.43])
 """Left shoulder in the pelvis frame [m]."""
+HASTE, STEPS = 0.6, 2
+"""In teleoperation joints turn at no more than this share of their motors' speed, and one step of inverse kinematics a tick follows
+hands of up to 2.3 m/s; here, as with people, motors turn as fast as they can, and this many steps follow."""
 TURN = (0.5, 0.3, 0.5)
 """Deviation of the hands' goal orientation about x, y, z [rad]."""
 WALKING = 0.33
@@ -55,7 +58,7 @@ WALKING = 0.33
 CLIP_SECONDS = 15.0
 VALIDATION_SHARE = 10
 """One clip in so many is for validation."""
-CUTOFF = 8.0
+CUTOFF = 10.0
 """Low-pass of the joint targets [Hz]."""
 
 
@@ -101,7 +104,7 @@ class Generator:
 
     def __init__(self, robot: Robot) -> None:
         self._spec, self._dt = robot.spec, 1 / robot.spec.policy_rate
-        self._reach = Reach(robot, self._dt)
+        self._reach = Reach(robot, self._dt / (STEPS * HASTE))
 
     def clip(self, number: int, seed: int) -> Clip:
         """One clip of `CLIP_SECONDS`."""
@@ -115,7 +118,8 @@ class Generator:
         for t in range(steps):
             wrists = hands.step(self._dt)
             wrists[:, :3] += swing.at(t * self._dt)
-            q[t] = self._reach.solve(wrists).q
+            for _ in range(STEPS):
+                q[t] = self._reach.solve(wrists).q
         q = np.clip(low_pass(q, spec.policy_rate, CUTOFF), *(limit[spec.group("waist", "arms")] for limit in (spec.lower, spec.upper)))
         twist = np.tile(swing.twist, (steps, 1))
         height = np.full(steps, spec.nominal_height)
