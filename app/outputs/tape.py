@@ -19,9 +19,6 @@ from policies.recording.writer import EpisodeWriter
 
 _log = logging.getLogger(__name__)
 
-FLUSH_PERIOD = 0.25
-"""How often rows are handed to the operating system [s]. A kill -9 loses what came since."""
-
 
 class RowRing(Protocol):
     """The last rows of the simulation, as `app.shared.Ring` keeps them."""
@@ -75,7 +72,7 @@ class Tape:
         """When the current write began, monotonic [s]; None between writes."""
         self._describe, self._rows, self._cursor = describe, rows, 0
         self._session: _Session | None = None
-        self._number, self._flushed = 0, 0.0
+        self._number = 0
 
     @property
     def path(self) -> Path | None:
@@ -109,7 +106,7 @@ class Tape:
             if self._session is None:
                 self._session = self._new_session(metadata, model)
             self.open = self._begin(self._session, label)
-        self.alarm, self._flushed, id = None, 0.0, self.open.id
+        self.alarm, id = None, self.open.id
         self.pump()  # a disk that made the file slowly has let rows pile up
         return id
 
@@ -159,9 +156,7 @@ class Tape:
     def _keep(self, writer: EpisodeWriter, rows: list[np.void]) -> None:
         if rows:
             writer.rows(np.array(rows, dtype=writer.metadata.dtype))
-        if time.monotonic() - self._flushed >= FLUSH_PERIOD:
-            writer.flush()
-            self._flushed = time.monotonic()
+            writer.flush()  # from here on they survive a kill -9
         self.open = writer.info
 
     def _new_session(self, metadata: Metadata, model: bytes | None) -> _Session:
