@@ -8,6 +8,7 @@ left-right pairs (even + odd, even - odd). After the symmetry-enforcing networks
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import cast
 
 import numpy as np
@@ -81,8 +82,8 @@ class MirrorMLP(nn.Module):
     def __init__(self, even: int, odd: int, hidden: tuple[int, ...], out_even: int, out_odd: int, out_gain: float) -> None:
         super().__init__()
         sizes = [(even, odd)] + [(h // 2, h // 2) for h in hidden] + [(out_even, out_odd)]
-        self.evens = nn.ModuleList(nn.Linear(a[0], b[0]) for a, b in zip(sizes, sizes[1:], strict=False))
-        self.odds = nn.ModuleList(nn.Linear(a[1], b[1], bias=False) for a, b in zip(sizes, sizes[1:], strict=False) if b[1])
+        self.evens = nn.ModuleList(nn.Linear(a[0], b[0]) for a, b in pairwise(sizes))
+        self.odds = nn.ModuleList(nn.Linear(a[1], b[1], bias=False) for a, b in pairwise(sizes) if b[1])
         self._split = even
         for stack in (self.evens, self.odds):
             for i, layer in enumerate(stack):

@@ -132,7 +132,7 @@ class WalkEnv:
         return np.nan_to_num(reward, nan=-2.0), fell
 
     def _earn_amplitude(self, fell: np.ndarray, late: np.ndarray) -> None:
-        """The paper's rule with quicker steps, since one reach generator stands for all motions: a robot that survives gets livelier arms."""
+        """The paper's rule with quicker steps, since one generator stands for all motions: who survives gets livelier arms."""
         ended = fell | late
         if not ended.any():
             return
