@@ -37,7 +37,7 @@ def test_what_was_recorded_before_a_kill_recovers_and_replays(tmp_path: Path) ->
     with Recording(file) as recording:
         (episode,) = recording.episodes()
     assert (episode.info.id, episode.info.label, episode.info.ended, episode.info.gaps) == (id, "killed", "truncated", 0)
-    assert (ticks - 1 - episode.rows["tick"][-1]) / 50 <= 0.5
+    assert (ticks - 1 - int(episode.rows["tick"][-1])) / 50 <= 0.5
     assert episode.rows["jump"].sum() == 1
     assert recordings.replay(file) == 0
 
