@@ -103,17 +103,26 @@ class Observer:
         self._fresh |= mask
 
     def observe(
-        self, state: State, gait: Gait, twist: np.ndarray, posture: np.ndarray, action: np.ndarray, latent: np.ndarray
+        self,
+        state: State,
+        gait: Gait,
+        twist: np.ndarray,
+        posture: np.ndarray,
+        stance: np.ndarray,
+        action: np.ndarray,
+        latent: np.ndarray,
     ) -> np.ndarray:
         """One observation a robot, float32 [n, size].
 
         Args:
             twist: velocity command [n, 3], m/s and rad/s.
             posture: height [m], roll, pitch [rad] commands [n, 3].
+            stance: leg angles of that posture [n, 12], rad (`policies.stance`).
             action: the previous action [n, 12].
             latent: the motion prior's z [n, 64]; zeros without a prior.
         """
         q = (state.q[:, self._body] - self.spec.home[self._body]).astype(np.float32)
+        q[:, self._legs] = state.q[:, self._legs] - stance
         dq = 0.05 * state.dq[:, self._body].astype(np.float32)
         gyro, gravity = 0.25 * state.gyro, state.gravity
         frame = np.concatenate([gyro, gravity, q[:, self._legs], dq[:, self._legs], action], -1).astype(np.float32)
@@ -126,7 +135,7 @@ class Observer:
         return np.concatenate(now, -1).astype(np.float32)
 
 
-def leg_targets(spec: RobotSpec, action: np.ndarray) -> np.ndarray:
-    """Joint targets of the legs for an action [..., 12], rad, within the joint limits."""
+def leg_targets(spec: RobotSpec, stance: np.ndarray, action: np.ndarray) -> np.ndarray:
+    """Joint targets of the legs for an action [..., 12] around a stance [..., 12], rad, within the joint limits."""
     legs = spec.group("legs")
-    return np.clip(spec.home[legs] + ACTION_SCALE * action, spec.lower[legs], spec.upper[legs])
+    return np.clip(stance + ACTION_SCALE * action, spec.lower[legs], spec.upper[legs])

@@ -9,6 +9,7 @@ from policies import checkpoint
 from policies.gait import Gait
 from policies.networks import Actor
 from policies.observation import LATENT, Mirror, Observer, action_mirror, layout, leg_targets
+from policies.stance import Stance
 from robots.catalog import Robot
 from robots.state import State
 
@@ -24,6 +25,7 @@ class Walk:
         """
         self._spec, self._count = robot.spec, count
         self.observer = Observer(robot.spec, count)
+        self._stance = Stance(robot)
         self.gait = Gait(count, 1 / robot.spec.policy_rate)
         expect = {"kind": "walk", "robot": robot.spec.name, "observation": self.observer.size}
         tensors, self.card = checkpoint.load(checkpoint.find(name, "walk"), expect)
@@ -53,6 +55,7 @@ class Walk:
         """
         z = np.zeros((self._count, LATENT), np.float32) if latent is None else latent
         self.gait.step(state, twist)
-        self.observation = self.observer.observe(state, self.gait, twist, posture, self.action, z)
+        stance = self._stance(posture)
+        self.observation = self.observer.observe(state, self.gait, twist, posture, stance, self.action, z)
         self.action = self._actor(torch.from_numpy(self.observation)).numpy()
-        return leg_targets(self._spec, self.action)
+        return leg_targets(self._spec, stance, self.action)

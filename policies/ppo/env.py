@@ -12,6 +12,7 @@ from policies.motion.reaches import Reaches
 from policies.observation import LATENT, Mirror, Observer, joint_mirror, layout, leg_targets
 from policies.ppo.randomise import randomise
 from policies.ppo.rewards import Moment, Rewards, foot_heights
+from policies.stance import Stance
 from robots.batch import Fleet
 from robots.catalog import Robot
 from robots.spec import RobotSpec
@@ -58,6 +59,7 @@ class WalkEnv:
         self.fleet = Fleet(robot, count, threads)
         self._known = randomise(self.fleet, self.rng)
         self.gait, self.observer = Gait(count, self.dt), Observer(robot.spec, count)
+        self.stance = Stance(robot)
         self.reaches, self._rewards = Reaches(robot.spec, count, self.dt, self.rng), Rewards(robot.spec)
         self.amplitude = np.full(count, 0.1)
         self.penalty = 0.1
@@ -92,7 +94,7 @@ class WalkEnv:
         self._actions = (action, *self._actions[:2])
         acted = np.where(self._late[:, None], self._actions[1], action)
         before = self.fleet.qvel[:, self.fleet.senses.dq[self._legs]].copy()
-        state = self.fleet.step(np.concatenate([leg_targets(self.spec, acted), upper], -1))
+        state = self.fleet.step(np.concatenate([leg_targets(self.spec, self.stance(self._posture), acted), upper], -1))
         acceleration = (state.dq[:, self._legs] - before) / self.dt
         self.gait.step(state, self.twist)
         self.age += 1
@@ -110,7 +112,17 @@ class WalkEnv:
     def _judge(self, state: State, acceleration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         actual = np.column_stack([state.heading_velocity, state.yaw_rate])
         self._mean += self.dt / (self.dt + PERIOD / 2) * (actual - self.twist - self._mean)
-        moment = Moment(state, self.gait, self.twist, self._posture, self._mean, self._actions, acceleration, self._since_push < 1.5)
+        moment = Moment(
+            state,
+            self.gait,
+            self.twist,
+            self._posture,
+            self.stance(self._posture),
+            self._mean,
+            self._actions,
+            acceleration,
+            self._since_push < 1.5,
+        )
         fell = (state.gravity[:, 2] > -TILT_LIMIT) | (state.position[:, 2] < LOW) | ~self.fleet.finite
         terms = self._rewards.tasks(moment)
         costs = {name: self.penalty * value for name, value in self._rewards.penalties(moment).items()}
@@ -197,7 +209,9 @@ class WalkEnv:
 
     def _observe(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         seen = replace(state, **{k: getattr(state, k) + self.rng.uniform(-w, w, getattr(state, k).shape) for k, w in NOISE.items()})
-        observation = self.observer.observe(seen, self.gait, self.twist, self._posture, self._actions[0], self.latent)
+        observation = self.observer.observe(
+            seen, self.gait, self.twist, self._posture, self.stance(self._posture), self._actions[0], self.latent
+        )
         height = (foot_heights(state) * 10).astype(np.float32)
         body = np.column_stack([state.heading_velocity, state.velocity[:, 2], state.position[:, 2] - 1, self._mean])
         ahead = self.reaches.at(0.3) - self.reaches.at(0.0)

@@ -30,6 +30,8 @@ class Moment:
     """Velocity command [n, 3]."""
     posture: np.ndarray
     """Height, roll, pitch command [n, 3]."""
+    stance: np.ndarray
+    """Leg angles of that posture [n, 12], rad."""
     mean_error: np.ndarray
     """Velocity minus command, both averaged over half a gait period [n, 3]."""
     actions: tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -66,7 +68,7 @@ class Rewards:
     def __init__(self, spec: RobotSpec) -> None:
         legs = spec.group("legs")
         names = [j.name for j in spec.motors[legs]]
-        self._home, self._lower, self._upper = spec.home[legs], spec.lower[legs], spec.upper[legs]
+        self._lower, self._upper = spec.lower[legs], spec.upper[legs]
         self._legs = legs
         pick = lambda *parts: np.array([i for i, n in enumerate(names) if any(p in n for p in parts)])  # noqa: E731
         self._sideways = pick("hip_yaw", "hip_roll")
@@ -88,7 +90,7 @@ class Rewards:
             "turning": 0.75 * np.exp(-turn / 0.15) + 0.5 * np.exp(-turn / 0.02) + 1.0 * np.exp(-turn_now / 0.08),
             "foot_height": 2.0 * np.exp(-((height - lift) ** 2).sum(-1) / 0.002),
             "contact": match,
-            "posture": 1.2 * np.exp(-sunk / 0.003) + 1.2 * np.exp(-leant / 0.006),
+            "posture": np.exp(-sunk / 0.01) + 0.5 * np.exp(-sunk / 0.001) + np.exp(-leant / 0.02) + 0.5 * np.exp(-leant / 0.004),
             "leg_pose": 0.6 * np.exp(-2 * self._pose_error(m)) * walking,
             "alive": np.full(len(walking), 0.3),
         }
@@ -102,7 +104,7 @@ class Rewards:
 
     def _pose_error(self, m: Moment) -> np.ndarray:
         bump = np.sin(np.pi * m.gait.swing())[:, :, None] * np.array([-0.35, 0.6, -0.25])
-        q = m.state.q[:, self._legs][:, self._pitches] - self._home[self._pitches]
+        q = (m.state.q[:, self._legs] - m.stance)[:, self._pitches]
         return np.linalg.norm((q - bump).reshape(len(q), -1), axis=-1)
 
     def penalties(self, m: Moment) -> dict[str, np.ndarray]:
@@ -114,8 +116,7 @@ class Rewards:
         gap = np.hypot(s.feet[:, 0, 0] - s.feet[:, 1, 0], s.feet[:, 0, 1] - s.feet[:, 1, 1])
         over = np.maximum(q - self._upper + 0.05, 0) + np.maximum(self._lower + 0.05 - q, 0)
         quiet = ~gait.walking
-        nominal = quiet & (np.abs(m.posture - np.array([1.0, 0, 0])).max(-1) < 0.02)
-        sideways = (q[:, self._sideways] - self._home[self._sideways]) ** 2
+        away = q - m.stance
         sole_tilt = s.roll_pitch[:, :1] + q[:, self._sideways[1::2]] + q[:, self._ankle_rolls]
         sole_pitch = s.roll_pitch[:, 1:] + q[:, self._pitches].sum(-1)
         return {
@@ -126,12 +127,12 @@ class Rewards:
             "bounce": -1.0 * s.velocity[:, 2] ** 2,
             "action_rate": -0.05 * ((a - b) ** 2).sum(-1) - 0.02 * ((a - 2 * b + c) ** 2).sum(-1),
             "acceleration": -2.5e-7 * (m.leg_acceleration**2).sum(-1),
-            "sideways_joints": -1.0 * sideways.sum(-1),
+            "sideways_joints": -1.0 * (away[:, self._sideways] ** 2).sum(-1),
             "limits": -5 * over.sum(-1),
             "slip": -0.2 * (foot_speeds(s) * contact).sum(-1),
             "sole_tilt": -1.0 * ((sole_tilt**2 + sole_pitch**2) * contact).sum(-1),
             "feet_gap": -5 * np.maximum(0.17 - gap, 0),
             "stand_lift": -0.5 * ((~contact).sum(-1) * quiet),
-            "stand_pose": -0.3 * np.abs(q - self._home).sum(-1) * nominal * ~m.shoved,
+            "stand_pose": -0.3 * np.abs(away).sum(-1) * quiet * ~m.shoved,
             "stand_motion": -0.03 * np.abs(dq).sum(-1) * quiet * ~m.shoved,
         }

@@ -9,6 +9,7 @@ from policies.networks import Actor, Critic
 from policies.observation import TURN, VECTOR, Mirror, Observer, action_mirror, joint_mirror, layout
 from policies.ppo.env import privileged_mirror
 from policies.ppo.rewards import Moment, Rewards
+from policies.stance import Stance
 from robots import catalog
 from robots.state import State
 
@@ -62,8 +63,9 @@ def test_the_observation_of_the_mirrored_robot_is_the_mirrored_observation():
         z = rng.standard_normal((COUNT, 64)).astype(np.float32)
         gait.step(s, twist)
         twin.step(mirrored(s), TWIST(twist))
-        seen = one.observe(s, gait, twist, posture, action, z)
-        in_mirror = other.observe(mirrored(s), twin, TWIST(twist), POSTURE(posture), LEGS(action), latent(z))
+        stance = rng.standard_normal((COUNT, 12))
+        seen = one.observe(s, gait, twist, posture, stance, action, z)
+        in_mirror = other.observe(mirrored(s), twin, TWIST(twist), POSTURE(posture), LEGS(stance), LEGS(action), latent(z))
         np.testing.assert_allclose(in_mirror, mirror(seen), atol=2e-5)
 
 
@@ -77,13 +79,27 @@ def test_a_mirrored_robot_earns_the_same():
         posture, error = rng.standard_normal((2, COUNT, 3))
         actions, acceleration = rng.standard_normal((3, COUNT, 12)), rng.standard_normal((COUNT, 12))
         shoved = rng.random(COUNT) < 0.5
-        there = Moment(s, gait, twist, posture, error, tuple(actions), acceleration, shoved)
+        stance = rng.standard_normal((COUNT, 12))
+        there = Moment(s, gait, twist, posture, stance, error, tuple(actions), acceleration, shoved)
         here = Moment(
-            mirrored(s), twin, TWIST(twist), POSTURE(posture), TWIST(error), tuple(LEGS(a) for a in actions), LEGS(acceleration), shoved
+            mirrored(s),
+            twin,
+            TWIST(twist),
+            POSTURE(posture),
+            LEGS(stance),
+            TWIST(error),
+            tuple(LEGS(a) for a in actions),
+            LEGS(acceleration),
+            shoved,
         )
         for kind in (rewards.tasks, rewards.penalties):
             for name, value in kind(there).items():
                 np.testing.assert_allclose(kind(here)[name], value, atol=1e-9, err_msg=name)
+
+
+def test_the_stance_of_a_mirrored_posture_is_the_mirrored_stance():
+    stance, posture = Stance(catalog.load("h1")), np.random.default_rng(2).uniform([0.8, -0.2, -0.2], [1.02, 0.2, 0.2], (COUNT, 3))
+    np.testing.assert_allclose(stance(POSTURE(posture)), LEGS(stance(posture)), atol=1e-9)
 
 
 def test_networks_cannot_tell_left_from_right():
