@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -38,6 +39,12 @@ class Shape:
     """Hidden layers of E."""
     decoder_hidden: tuple[int, int] = (256, 256)
     """Hidden layers of D."""
+
+    @staticmethod
+    def read(stored: dict[str, Any]) -> Shape:
+        """The sizes in a card, where tuples have become lists."""
+        sizes: dict[str, Any] = {name: tuple(size) if isinstance(size, list) else size for name, size in stored.items()}
+        return Shape(**sizes)
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,7 @@ class Prior:
         joints = list(spec.motor_names[spec.group("waist", "arms")])
         path = checkpoint.find(name, KIND)
         tensors, card = checkpoint.load(path, {"kind": KIND, "robot": spec.name, "joints": joints, "window": WINDOW})
-        sizes = {key: tuple(value) if isinstance(value, list) else value for key, value in card["shape"].items()}
-        model = PriorModel(spec, Shape(**sizes))
+        model = PriorModel(spec, Shape.read(card["shape"]))
         model.load_state_dict(tensors)
         return Prior(model, card)
 
@@ -65,8 +64,9 @@ class _Single:
         self._parity, self._split = model.parity.basis.numpy().T, model.parity.even
         self._mean, self._scale = model.pose_mean.numpy(), model.pose_scale.numpy()
         self._basis, self._spread = model.past.basis.numpy(), model.past.scale.numpy()
-        layers = zip(model.r.evens, model.r.odds, strict=True)
-        self._layers = [tuple(x.detach().numpy() for x in (even.weight, even.bias, odd.weight)) for even, odd in layers]
+        weights = {name: tensor.detach().numpy() for name, tensor in model.r.state_dict().items()}
+        count = len(model.shape.prior_hidden) + 1
+        self._layers = [(weights[f"evens.{i}.weight"], weights[f"evens.{i}.bias"], weights[f"odds.{i}.weight"]) for i in range(count)]
 
     def encode(self, history: np.ndarray) -> np.ndarray:
         """z [64] from one history [50, 15]."""

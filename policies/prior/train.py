@@ -168,14 +168,14 @@ class Trainer:
     def note(self, losses: dict[str, float]) -> str:
         """Write a row of the curve; a short text for the progress bar."""
         errors = judge(self.model, self._held_out, stride=25)
-        row = {"step": self.step} | losses | {f"{name}_{seconds}": error for (name, seconds), error in errors.items()}
+        row = {"step": self.step} | losses | {f"{name} {seconds}": error.rms for (name, seconds), error in errors.items()}
         path, fresh = self.config.run / "curve.csv", not (self.config.run / "curve.csv").exists()
         with path.open("a", newline="") as file:
             writer = csv.DictWriter(file, row)
             if fresh:
                 writer.writeheader()
             writer.writerow(row)
-        return f"prior  KL {losses['kl']:.1f}  R at 0.5 s {errors['R', 0.5]:.4f} (hold {errors['hold', 0.5]:.4f}) rad"
+        return f"prior  KL {losses['kl']:.1f}  R at 0.5 s {errors['R', 0.5].rms:.3f} (hold {errors['hold', 0.5].rms:.3f}) rad"
 
     def save(self) -> None:
         """Write the checkpoint so that a crash leaves the old one or the new one."""
@@ -202,7 +202,8 @@ class Trainer:
             "seed": config.seed,
             "commit": commit(),
             "training_minutes": [round(minutes, 1) for minutes in self._minutes],
-            "validation_error_rad": {f"{name} {seconds} s": round(error, 5) for (name, seconds), error in errors.items()},
+            "validation_rms_rad": {f"{name} {seconds} s": round(error.rms, 4) for (name, seconds), error in errors.items()},
+            "validation_mean_rad": {f"{name} {seconds} s": round(error.mean, 4) for (name, seconds), error in errors.items()},
         }
         checkpoint.save(path, self.model.state_dict(), card)
         return path
@@ -235,4 +236,3 @@ def _hide(seen: Tensor, share: float) -> Tensor:
     """Leave only the last pose in a share of the samples."""
     shown = (torch.rand(len(seen), 1, 1) >= share).float()
     return torch.cat([seen[:, :1], shown * seen[:, 1:]], 1)
-

@@ -21,6 +21,8 @@ class Variation:
     curriculum plays motions at amplitudes from 0 to 1."""
     speed: tuple[float, float] = (0.7, 1.4)
     """Playback speed, in half of the windows."""
+    mixed: float = 0.15
+    """Share of windows whose right arm is another window's: an operator's hands are less in step than a dancer's."""
     noise: float = 0.003
     """Deviation of white noise on the past [rad]."""
 
@@ -38,6 +40,7 @@ class Windows:
         ends = torch.tensor(np.cumsum(lengths))
         starts = ends - torch.tensor(lengths)
         self._home = torch.tensor(home, dtype=torch.float32)
+        self._right = torch.arange(len(home)) > len(home) // 2
         # every t whose future lies within its clip; a past that begins before the clip holds its first pose
         self._at = torch.cat([torch.arange(int(a) + 1, int(b) - WINDOW + 1) for a, b in zip(starts, ends, strict=True)])
         self._start = torch.cat([a.repeat(int(b - a) - WINDOW) for a, b in zip(starts, ends, strict=True)])
@@ -53,6 +56,8 @@ class Windows:
         row = torch.randint(len(self), (count,))
         speed = _half_of(torch.empty(count).uniform_(*variation.speed))
         history, future = self._cut(row, speed)
+        mixed = (torch.rand(count, 1, 1) < variation.mixed) & self._right
+        history, future = torch.where(mixed, history.roll(1, 0), history), torch.where(mixed, future.roll(1, 0), future)
         amplitude = _half_of(torch.empty(count).uniform_(*variation.amplitude))[:, None, None]
         history = self._home + amplitude * (history - self._home)
         return history + variation.noise * torch.randn_like(history), self._home + amplitude * (future - self._home)
