@@ -93,6 +93,7 @@ def summarise(log: Log, config: DriveBench) -> dict:
     errors = np.array(log.still) if log.still else np.full((1, 2), np.nan)
     return {
         "falls_and_faults": faults,
+        "holds": sum(now["state"] == "HOLD" != before["state"] for before, now in pairwise(log.records)),
         "real_time_factor": (last["time"] - first["time"]) / wall,
         "missed_share": missed / max(ticks + missed, 1),
         "lateness_p99_ms": float(np.median([r["lateness_ms"]["p99"] for r in log.records])),
@@ -131,7 +132,8 @@ async def _operate(operator: ClientConnection, config: DriveBench, log: Log) -> 
         while (now := time.monotonic() - began) < 60 * config.minutes and not listener.done():
             phase, left, twist = _phase(now)
             still = phase == "stand" and left < STILL
-            message = {"seq": seq, "name": "bench", "engage": now > 0.5, "twist": dict(zip(("vx", "vy", "yaw_rate"), twist, strict=True))}
+            pressed = now > 0.5 and not (log.records and log.records[-1]["state"] == "HOLD" and seq % 10 == 0)  # let go, press again
+            message = {"seq": seq, "name": "bench", "engage": pressed, "twist": dict(zip(("vx", "vy", "yaw_rate"), twist, strict=True))}
             message["wrists"] = {side: _figure(home[side]["actual"], now, side, still) for side in ("left", "right")}
             await operator.send(json.dumps(message))
             if log.records and phase == "stand" and left < STILL - 1.0:
