@@ -20,6 +20,8 @@ WAIST = 0.8
 
 TWIST_RATE = np.array([2.0, 2.0, 4.0])
 """Accelerations that the legs are asked for [3], m/s^2 and rad/s^2."""
+TWIST_BRAKE = 2 * TWIST_RATE
+"""Decelerations: a released pedal stops the robot well within 300 ms."""
 POSTURE_RATE = np.array([0.3, 0.6, 0.6])
 """Speed of height, roll and pitch [3], m/s and rad/s."""
 WRIST_SPEED, WRIST_TURN = 1.0, 3.0
@@ -52,7 +54,9 @@ class Limiter:
     def follow(self, wanted: Command, given: np.ndarray) -> Command:
         """Move towards `wanted` (finite); given [2] says which wrists the operator has set."""
         now, dt = self.applied, self.dt
-        twist = _towards(now.twist, np.clip(wanted.twist, *TWIST), TWIST_RATE * dt)
+        asked = np.clip(wanted.twist, *TWIST)
+        rate = np.where(np.abs(asked) < np.abs(now.twist), TWIST_BRAKE, TWIST_RATE)
+        twist = _towards(now.twist, asked, rate * dt)
         posture = np.clip([wanted.height, wanted.roll, wanted.pitch], *POSTURE)
         height, roll, pitch = _towards(np.array([now.height, now.roll, now.pitch]), posture, POSTURE_RATE * dt)
         self.applied = Command(

@@ -7,7 +7,7 @@ const FOLLOW_S = 0.25; // how softly the view follows
 const TELEPORT = 1.5; // a robot that moved further than this between two frames was put there [m]
 const FOV = (40 * Math.PI) / 180;
 // Where one looks from at first; the pedals lie over the lower part of the view, on a phone over nearly half of it.
-const WIDE = { position: [2.75, -1.75, 1.5], at: [0, 0, 0.74] };
+const WIDE = { position: [3.05, -1.95, 1.55], at: [0, 0, 0.71] };
 const TALL = { position: [3.9, -2.5, 1.6], at: [0, 0, 0.42] };
 
 export class Stage extends EventTarget {

@@ -42,6 +42,8 @@ def _surroundings(server: viser.ViserServer) -> None:
         "/floor", infinite_grid=True, cell_size=0.5, section_size=1.0, fade_distance=14.0, fade_strength=1.4, cell_thickness=0.6,
         section_thickness=0.9, shadow_opacity=0.35, plane_opacity=1.0,
     )  # fmt: skip
+    scene.configure_environment_map(hdri=None)  # light from pictures takes a browser without a graphics processor a minute to set up
+    scene.add_light_hemisphere("/sky", sky_color=(255, 255, 255), ground_color=(170, 174, 182), intensity=3.6)
     scene.configure_default_lights(enabled=True, cast_shadow=True)
     server.gui.configure_theme(show_logo=False, show_share_button=False, control_layout="floating")
 

@@ -1,4 +1,4 @@
-"""The page's server side over real sockets, with a toy robot."""
+"""The page's server side over real sockets, with a toy robot: viser's page and relay, the scene, the live picture."""
 
 from __future__ import annotations
 
