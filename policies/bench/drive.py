@@ -63,7 +63,7 @@ class Log:
 
     records: list[dict] = field(default_factory=list)
     still: list[tuple[float, float]] = field(default_factory=list)
-    """Wrist errors while standing still [m, degrees]."""
+    """Errors of wrists that stand still at reachable targets [m, degrees]."""
     watched: list[int] = field(default_factory=list)
     """Bytes of every message that the watchers took in."""
 
@@ -137,7 +137,8 @@ async def _operate(operator: ClientConnection, config: DriveBench, log: Log) -> 
             message["wrists"] = {side: _figure(home[side]["actual"], now, side, still) for side in ("left", "right")}
             await operator.send(json.dumps(message))
             if log.records and phase == "stand" and left < STILL - 1.0:
-                log.still += [_miss(log.records[-1]["wrists"][side]) for side in ("left", "right")]
+                wrists = log.records[-1]["wrists"].values()
+                log.still += [_miss(wrist) for wrist in wrists if not wrist["limited_by"]]
             progress.update(task, completed=now, description=phase)
             seq += 1
             await asyncio.sleep(PERIOD)
