@@ -332,30 +332,6 @@ class Another:
             self._socket.send(self._message)
 
 
-def test_dragging_a_handle_moves_the_wrist(pages, robot):
-    page = pages(FEW_PICTURES)
-    at = robot.health["wrists"]["left"]["actual"]
-    tip = _put_camera_beside(page, robot, at)
-
-    def dragged() -> bool:
-        engage(page, robot)
-        page.mouse.move(*tip)
-        page.mouse.down()
-        for step in range(1, 9):
-            page.mouse.move(tip[0] + 5 * step, tip[1])
-            time.sleep(0.03)
-        page.mouse.up()
-        target = robot.health["wrists"]["left"]["target"]["position"]
-        return target[0] > at["position"][0] + 0.05
-
-    eventually(dragged, 90)
-    wanted = robot.health["wrists"]["left"]["target"]["position"]
-    eventually(lambda: np.linalg.norm(np.subtract(robot.health["wrists"]["left"]["actual"]["position"], wanted)) < 0.03, 5)
-    moved = np.subtract(wanted, at["position"])
-    assert abs(moved[1]) < 0.02  # along the arrow
-    assert np.linalg.norm(np.subtract(robot.health["wrists"]["right"]["target"]["position"], at["position"] * np.array([1, -1, 1]))) < 0.05
-
-
 def _put_camera_beside(page: Page, robot: Robot, wrist: dict[str, Any]) -> tuple[float, float]:
     """Look at the left wrist from its left. Returns where the middle of its forward arrow is on the screen."""
     base, away, fov = robot.health["base"], 0.9, 0.7
