@@ -31,3 +31,24 @@ class DamagedWeights(PolicyError):
 
     def __init__(self, path: Path, why: str) -> None:
         super().__init__(f"{path} cannot be read ({why}); restore it with `git checkout {path.name}` or train it again")
+
+
+class OtherMotions(PolicyError):
+    """A training that would go on with other motions than it began with."""
+
+    def __init__(self, path: Path, found: int, given: int) -> None:
+        super().__init__(f"{path} was trained with {found} motions, not {given}: give the same --motions and --reaches, or another --run")
+
+
+class NothingToBeginWith(PolicyError):
+    """A run to begin with that has no checkpoint."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"there is no {path}: train it first with `teleop-train walk --run {path.parent}`")
+
+
+class UnreadableHand(PolicyError):
+    """A file that holds no human hands."""
+
+    def __init__(self, path: Path, why: str) -> None:
+        super().__init__(f"{path} cannot be read as hands ({why}); give a .npy file of an array [frames, 21, 3] in metres")

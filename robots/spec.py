@@ -59,6 +59,18 @@ class Joint:
 
 
 @dataclass(frozen=True)
+class Hand:
+    """One hand: five fingers in the order thumb, index, middle, ring, pinky."""
+
+    palm: str
+    """Body that carries the fingers; its origin is the wrist."""
+    knuckles: tuple[str, ...]
+    """Bodies at whose origins the fingers begin."""
+    tips: tuple[str, ...]
+    """Sites of the play model at the fingers' ends."""
+
+
+@dataclass(frozen=True)
 class RobotSpec:
     """One robot as data. Motor order is the order of every `q`, `Target.q` and `ctrl` in this project:
     legs (left, right), waist, arms (left, right), hands (left, right), neck."""
@@ -75,6 +87,8 @@ class RobotSpec:
     """Names of the left and right wrist sites: the frames that an operator drives."""
     feet: tuple[str, str]
     """Names of the left and right sole sites."""
+    hands: tuple[Hand, Hand] | None = None
+    """Left and right; the motors of group "hands" are the left one's, then the right one's."""
 
     @cached_property
     def motors(self) -> tuple[Joint, ...]:

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import tyro
 
-from policies.bench import arms, drive, speed, walk
+from policies.bench import arms, drive, hands, speed, walk
 from policies.errors import PolicyError
 from robots.errors import RobotError
 
@@ -20,6 +20,7 @@ Bench = (
     | Annotated[speed.SpeedBench, tyro.conf.subcommand("speed")]
     | Annotated[drive.DriveBench, tyro.conf.subcommand("drive")]
     | Annotated[arms.ArmsBench, tyro.conf.subcommand("arms")]
+    | Annotated[hands.HandsBench, tyro.conf.subcommand("hands")]
 )
 
 
@@ -36,6 +37,8 @@ def main() -> None:
                 drive.run(config)
             case arms.ArmsBench():
                 arms.run(config)
+            case hands.HandsBench():
+                hands.run(config)
     except (PolicyError, RobotError) as error:
         sys.exit(f"teleop-bench: {error}")
     except KeyboardInterrupt:

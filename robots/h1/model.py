@@ -40,6 +40,23 @@ _TRUNK = {
     "torso": ("torso_link", (0, 0, 0.1), (0, 0, 0.47), 0.115),
     "head": ("torso_link", (0.02, 0, 0.64), (0.02, 0, 0.7), 0.085),
 }
+# Capsules of a left finger's links as above; on the right y changes sign.
+_FINGERS = {
+    "thumb_proximal": ((0.004, 0, -0.008), (0.044, -0.032, -0.008), 0.009),
+    "thumb_intermediate": ((0, 0, -0.007), (0.02, -0.01, -0.007), 0.008),
+    "thumb_distal": ((0, 0, -0.006), (0.012, -0.009, -0.005), 0.007),
+} | {
+    link: shape
+    for finger, reach in (("index", 0.036), ("middle", 0.041), ("ring", 0.036), ("pinky", 0.028))
+    for link, shape in (
+        (f"{finger}_proximal", ((0, 0, -0.006), (-0.0024, -0.032, -0.006), 0.0075)),
+        (f"{finger}_intermediate", ((0.002, 0, -0.005), (-0.003, -reach, -0.005), 0.006)),
+    )
+}
+_PALM = ((0.002, -0.095, 0), (0.012, 0.04, 0.036))
+"""Centre and half sizes of the box that stops fingers [m]."""
+TOUCHABLE = 2
+"""Bit of contype and conaffinity: palms and fingers touch one another and every other geom that has it."""
 
 
 def capsules() -> dict[str, tuple[str, tuple, tuple, float]]:
@@ -75,7 +92,7 @@ def build(variant: Variant) -> mujoco.MjSpec:
     _senses(spec, bodies)
     if variant == "play":
         _cameras(bodies)
-        _fingertips(bodies)
+        _fingers(bodies)
     else:
         spec.compiler.fusestatic = True
     _home(spec, moving)
@@ -179,8 +196,20 @@ def _cameras(bodies: dict[str, mujoco.MjsBody]) -> None:
     bodies["neck_pitch_link"].add_camera(name="head", pos=(0.045, 0, 0.012), quat=CAMERA_QUAT, fovy=70)
 
 
-def _fingertips(bodies: dict[str, mujoco.MjsBody]) -> None:
+def _fingers(bodies: dict[str, mujoco.MjsBody]) -> None:
+    """What fingers touch with, and the sites at their tips."""
+    touch = {
+        "contype": TOUCHABLE, "conaffinity": TOUCHABLE, "condim": 4, "friction": (1.0, 0.01, 0.0001), "mass": 0, "group": 3,
+        "rgba": (0.2, 0.22, 0.25, 1),
+    }  # fmt: skip
     for side, sign in (("L", 1), ("R", -1)):
+        centre, half = _PALM
+        bodies[f"{side}_hand_base_link"].add_geom(name=f"{side}_palm", type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=half, **touch)
+        for link, ((ax, ay, az), (bx, by, bz), radius) in _FINGERS.items():
+            ends = (ax, sign * ay, az, bx, sign * by, bz)
+            bodies[f"{side}_{link}"].add_geom(
+                name=f"{side}_{link}", type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=ends, size=(radius, 0, 0), **touch
+            )
         for finger, (link, (x, y, z)) in FINGERTIPS.items():
             bodies[f"{side}_{link}"].add_site(name=f"{side}_{finger}_tip", pos=(x, sign * y, z), group=4)
 

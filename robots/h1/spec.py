@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from robots.spec import Body, Group, Joint, RobotSpec, Vec
+from robots.spec import Body, Group, Hand, Joint, RobotSpec, Vec
 
 # fmt: off
 # name, parent, position, quaternion wxyz, mass, centre of mass, inertia (xx yy zz xy xz yz)
@@ -158,6 +158,12 @@ def _hand(side: str) -> tuple[Joint, ...]:
     return thumb + driven + follow + tips
 
 
+def _hand_frames(side: str) -> Hand:
+    thumb, *others = FINGERTIPS
+    knuckles = (f"{side}_{thumb}_proximal_base", *(f"{side}_{finger}_proximal" for finger in others))
+    return Hand(f"{side}_hand_base_link", knuckles, tuple(f"{side}_{finger}_tip" for finger in FINGERTIPS))
+
+
 def _joints() -> tuple[Joint, ...]:
     hands = _hand("L") + _hand("R")
     waist = Joint("torso_joint", "torso_link", Z, -2.35, 2.35, 200, 23, "waist", 300, 5, 0.0, 0.02)
@@ -185,4 +191,5 @@ H1 = RobotSpec(
     policy_rate=50.0,
     wrists=("left_wrist", "right_wrist"),
     feet=("left_sole", "right_sole"),
+    hands=(_hand_frames("L"), _hand_frames("R")),
 )
