@@ -61,19 +61,26 @@ class Normaliser(nn.Module):
         self.variance: Tensor
         self.count: Tensor
 
-    def update(self, x: Tensor) -> None:
-        """Fold a batch [n, size] into the statistics."""
-        fresh = x.mean(0)
-        fresh[self._even :] = 0
-        spread = ((x - fresh) ** 2).mean(0)
-        total = self.count + len(x)
-        share, shift = len(x) / total, fresh - self.mean
+    def update(self, fresh: Tensor, square: Tensor, count: int) -> None:
+        """Fold the mean [size] and the mean square [size] of `count` vectors into the statistics."""
+        fresh = self._symmetric(fresh)
+        spread = square - fresh**2
+        total = self.count + count
+        share, shift = count / total, fresh - self.mean
         self.variance.copy_((1 - share) * self.variance + share * spread + share * (1 - share) * shift**2)
         self.mean.add_(share * shift)
         self.count.copy_(total)
 
+    def adopt(self, x: Tensor, mask: Tensor) -> None:
+        """Forget the statistics of the masked inputs [size] and take those of x [n, size]."""
+        mean = self._symmetric(x.mean(0))
+        self.mean[mask], self.variance[mask] = mean[mask], (x.square().mean(0) - mean**2)[mask]
+
+    def _symmetric(self, mean: Tensor) -> Tensor:
+        return torch.cat([mean[: self._even], torch.zeros_like(mean[self._even :])])
+
     def forward(self, x: Tensor) -> Tensor:
-        return ((x - self.mean) / (self.variance.sqrt() + 0.01)).clamp(-8, 8)
+        return ((x - self.mean) / (self.variance.clamp(min=0).sqrt() + 0.01)).clamp(-8, 8)
 
 
 class MirrorMLP(nn.Module):
@@ -90,6 +97,12 @@ class MirrorMLP(nn.Module):
                 nn.init.orthogonal_(cast(nn.Linear, layer).weight, out_gain if i == len(hidden) else math.sqrt(2))
         for layer in self.evens:
             nn.init.zeros_(cast(nn.Linear, layer).bias)
+
+    @torch.no_grad()
+    def ignore(self, mask: Tensor) -> None:
+        """Make the first layer blind to the masked inputs [size], until it learns otherwise."""
+        cast(nn.Linear, self.evens[0]).weight[:, mask[: self._split]] = 0
+        cast(nn.Linear, self.odds[0]).weight[:, mask[self._split :]] = 0
 
     def forward(self, x: Tensor) -> Tensor:
         even, odd = x[..., : self._split], x[..., self._split :]

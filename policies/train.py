@@ -1,4 +1,13 @@
-"""`teleop-train`: teach the robot. `walk` trains the legs, `curves` draws how it went."""
+"""`teleop-train`: teach the robot, from people's motion to its legs.
+
+examples, in order:
+  teleop-train retarget --clips motions/ --out runs/clips.npz      your BVH files become the robot's motions
+  teleop-train synthetic --out runs/synthetic.npz                  made-up teleoperation, no files needed
+  teleop-train prior --clips runs/clips.npz --synthetic runs/synthetic.npz
+  teleop-train walk --run runs/walk                                legs; the other trainings need no legs
+  teleop-train curves --run runs/walk --out walk.png
+A command that was stopped goes on when it is given again.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +16,46 @@ import os
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # the learner's idle threads must not spin beside the physics
 
 import sys
+from collections.abc import Sequence
 from typing import Annotated
 
 import tyro
 
 from policies.errors import PolicyError
+from policies.motion.errors import MotionError
+from policies.motion.folder import RetargetConfig, retarget
+from policies.motion.synthetic import SyntheticConfig, synthesize
+from policies.ppo.config import WalkConfig
 from policies.ppo.curves import CurvesConfig, draw
-from policies.ppo.train import WalkConfig, train
+from policies.ppo.train import train
+from policies.prior import train as prior
 from robots.errors import RobotError
 
-Task = Annotated[WalkConfig, tyro.conf.subcommand("walk")] | Annotated[CurvesConfig, tyro.conf.subcommand("curves")]
+Task = (
+    Annotated[RetargetConfig, tyro.conf.subcommand("retarget")]
+    | Annotated[SyntheticConfig, tyro.conf.subcommand("synthetic")]
+    | Annotated[prior.PriorConfig, tyro.conf.subcommand("prior")]
+    | Annotated[WalkConfig, tyro.conf.subcommand("walk")]
+    | Annotated[CurvesConfig, tyro.conf.subcommand("curves")]
+)
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Command line of the trainers."""
-    config = tyro.cli(Task, prog="teleop-train", description=__doc__)
+    config = tyro.cli(Task, prog="teleop-train", description=__doc__, args=arguments)
     try:
-        print(draw(config) if isinstance(config, CurvesConfig) else f"weights: {train(config)}")
-    except (PolicyError, RobotError) as error:
+        match config:
+            case RetargetConfig():
+                retarget(config)
+            case SyntheticConfig():
+                synthesize(config)
+            case prior.PriorConfig():
+                print(f"weights: {prior.train(config)}")
+            case WalkConfig():
+                print(f"weights: {train(config)}")
+            case CurvesConfig():
+                print(draw(config))
+    except (PolicyError, MotionError, RobotError) as error:
         sys.exit(f"teleop-train: {error}")
+    except KeyboardInterrupt:
+        sys.exit("teleop-train: stopped; the same command goes on")

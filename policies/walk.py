@@ -9,6 +9,8 @@ from policies import checkpoint
 from policies.gait import Gait
 from policies.networks import Actor
 from policies.observation import LATENT, Mirror, Observer, action_mirror, layout, leg_targets
+from policies.prior.latent import Latent
+from policies.prior.prior import Prior
 from policies.stance import Stance
 from robots.catalog import Robot
 from robots.state import State
@@ -32,30 +34,35 @@ class Walk:
         self._actor = Actor(Mirror.stack(list(layout(robot.spec).values())), action_mirror(robot.spec))
         self._actor.load_state_dict(tensors)
         self._actor.eval()
+        prior = self.card["prior"]
+        self._latent = Latent(robot.spec, Prior.load(prior, robot.spec) if prior else None, count)
+        self.latent = np.zeros((count, LATENT), np.float32)
+        """The motion prior's z at the last tick [count, 64]; zeros without a prior."""
         self.observation = np.zeros((count, self.observer.size), np.float32)
         """What the policy saw last [count, size]."""
         self.action = np.zeros((count, 12), np.float32)
         """What it answered [count, 12]."""
 
-    def reset(self) -> None:
-        """Forget the past; the robots stand."""
+    def reset(self, upper: np.ndarray) -> None:
+        """Forget the past; the robots stand, with waist and arms at upper [count, 15], rad."""
         everyone = np.ones(self._count, bool)
+        self._latent.reset(everyone, upper)
         self.gait.reset(everyone)
         self.observer.reset(everyone)
         self.action = np.zeros((self._count, 12), np.float32)
 
     @torch.inference_mode()
-    def act(self, state: State, twist: np.ndarray, posture: np.ndarray, latent: np.ndarray | None = None) -> np.ndarray:
+    def act(self, state: State, twist: np.ndarray, posture: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """Leg joint targets [count, 12], rad.
 
         Args:
             twist: vx, vy [m/s], yaw rate [rad/s] in the heading frame [count, 3].
             posture: height [m], roll, pitch [rad] [count, 3].
-            latent: the motion prior's z [count, 64]; None without a prior.
+            upper: where waist and arms are told to go in this tick [count, 15], rad; the prior makes z of the last second of them.
         """
-        z = np.zeros((self._count, LATENT), np.float32) if latent is None else latent
+        self.latent = self._latent.step(upper)
         self.gait.step(state, twist)
         stance = self._stance(posture)
-        self.observation = self.observer.observe(state, self.gait, twist, posture, stance, self.action, z)
+        self.observation = self.observer.observe(state, self.gait, twist, posture, stance, self.action, self.latent)
         self.action = self._actor(torch.from_numpy(self.observation)).numpy()
         return leg_targets(self._spec, stance, self.action)

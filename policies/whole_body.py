@@ -8,6 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from policies.command import Command
+from policies.hand_model import drive_range
 from policies.interpolator import Interpolator
 from policies.observation import LATENT
 from policies.reach import Reach, Reached
@@ -49,8 +50,7 @@ class WholeBody:
         self._interpolator = Interpolator(self._reach.forward(spec.home[spec.group("waist", "arms")]), 1 / spec.policy_rate)
         self._walk = Walk(robot, walk)
         self._upper, self._hands, self._neck = spec.group("waist", "arms"), spec.group("hands"), spec.group("neck")
-        self._open = np.maximum(spec.lower, 0.0)[self._hands]
-        self._closed = spec.upper[self._hands]
+        self._open, self._closed = drive_range(spec)
         self.trace = Trace(
             np.zeros(self._walk.observer.size, np.float32), np.zeros(LATENT, np.float32), np.zeros(12, np.float32),
             self._reach.solve(self._reach.forward(spec.home[self._upper])), 0.0, 0.0,
@@ -65,7 +65,7 @@ class WholeBody:
         """Forget the past; the arms start from where they are."""
         self._reach.reset(state.q[self._upper])
         self._interpolator.reset(self._reach.forward(state.q[self._upper]))
-        self._walk.reset()
+        self._walk.reset(state.q[None, self._upper])
 
     def act(self, state: State, command: Command) -> Target:
         """Targets of all motors [41]."""
@@ -77,11 +77,11 @@ class WholeBody:
         q[self._hands] = self._open + command.hands.ravel() * (self._closed - self._open)
         q[self._neck] = command.neck
         posture = np.array([[command.height, command.roll, command.pitch]])
-        q[spec.group("legs")] = self._walk.act(_alone(state), command.twist[None], posture)[0]
+        q[spec.group("legs")] = self._walk.act(_alone(state), command.twist[None], posture, reached.q[None])[0]
         done = perf_counter()
         self.trace = Trace(
             self._walk.observation[0],
-            np.zeros(LATENT, np.float32),
+            self._walk.latent[0],
             self._walk.action[0],
             reached,
             1e3 * (solved - began),

@@ -88,7 +88,8 @@ def rollout(robot: Robot, config: WalkBench, command: str, push: float) -> dict:
             fleet.qvel[:, 0] += push * np.cos(angle)
             fleet.qvel[:, 1] += push * np.sin(angle)
         before = state.dq[:, legs]
-        state = fleet.step(np.concatenate([walk.act(state, twist, posture), reaches.step()], -1))
+        upper = reaches.step()
+        state = fleet.step(np.concatenate([walk.act(state, twist, posture, upper), upper], -1))
         upright &= (state.gravity[:, 2] < -0.5) & (state.position[:, 2] > 0.6) & fleet.finite
         if tick * dt >= SETTLE:
             velocity = np.column_stack([state.heading_velocity, state.yaw_rate])

@@ -1,4 +1,4 @@
-"""Random arm reaches: what the arms do while the legs are trained and benched, when no motion clip plays.
+"""Random arm reaches: what the arms do in the walking bench, and in training beside or without motion clips.
 
 Min-jerk reaches of 0.5 to 2 s between joint targets drawn uniformly from home + amplitude x (range - home); 15 % hold.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from policies.motion.clip import Clip, ClipSet
 from robots.spec import RobotSpec
 
 RANGES = {
@@ -65,6 +66,16 @@ class Reaches:
         self._to[mask] = np.where(hold[:, None], self._from[mask], goal)
         self._length[mask] = self._rng.uniform(*SECONDS, count)
         self._age[mask] = 0
+
+
+def clips(spec: RobotSpec, count: int, rng: np.random.Generator, seconds: float = 12.0) -> ClipSet:
+    """Reaches over the whole range as `count` clips to train on."""
+    dt = 1 / spec.policy_rate
+    reaches = Reaches(spec, count, dt, rng)
+    q = np.stack([reaches.step() for _ in range(round(seconds / dt))], 1).astype(np.float32)
+    still, height = np.zeros((q.shape[1], 3), np.float32), np.full(q.shape[1], spec.nominal_height, np.float32)
+    made = (Clip(f"reaches-{i}", spec.policy_rate, row, still, height, "none", "train", "synthetic") for i, row in enumerate(q))
+    return ClipSet.of(spec, made, "random reaches")
 
 
 def _ranges(spec: RobotSpec, upper: slice) -> tuple[np.ndarray, np.ndarray]:

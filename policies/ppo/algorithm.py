@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import torch
 import torch.distributed as dist
 from torch import Tensor
 
-from policies.networks import Actor, Critic
+from policies.networks import Actor, Critic, Normaliser
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,24 @@ def log_prob(action: Tensor, mean: Tensor, deviation: Tensor) -> Tensor:
     return (-0.5 * ((action - mean) / deviation) ** 2 - deviation.log() - 0.918938533).sum(-1)
 
 
+def average(tensors: Iterable[Tensor]) -> None:
+    """Replace each by its mean over all processes of the training; nothing to do in a single one."""
+    if dist.is_initialized():
+        tensors = list(tensors)
+        flat = torch.cat([x.flatten() for x in tensors])
+        dist.all_reduce(flat)
+        flat /= dist.get_world_size()
+        for x, part in zip(tensors, flat.split([x.numel() for x in tensors]), strict=True):
+            x.copy_(part.view_as(x))
+
+
+def settle(normaliser: Normaliser, x: Tensor) -> None:
+    """Fold what all processes saw [n, size] into the statistics of a network's inputs."""
+    mean, square = x.mean(0), x.square().mean(0)
+    average([mean, square])
+    normaliser.update(mean, square, len(x) * (dist.get_world_size() if dist.is_initialized() else 1))
+
+
 class PPO:
     """Holds the networks and the optimiser; `act` plays, `update` learns."""
 
@@ -92,8 +111,8 @@ class PPO:
     def act(self, observation: Tensor, state: Tensor) -> Tensor:
         """Exploring actions [n, 12]; remembers what an update needs."""
         if len(self.rollout.actions) % 4 == 0:  # a quarter of the data settles the statistics as well
-            self.actor.normaliser.update(self.actor.inputs(observation))
-            self.critic.normaliser.update(self.critic.inputs(state))
+            for network, seen in ((self.actor, observation), (self.critic, state)):
+                settle(network.normaliser, network.inputs(seen))
         x, y = self.actor.features(observation), self.critic.features(state)
         mean, deviation = self.actor.mean(x), self.actor.deviation()
         action = mean + deviation * torch.randn_like(mean)
@@ -153,12 +172,7 @@ class PPO:
 
     def _step(self) -> None:
         parameters = [p for group in self.optimiser.param_groups for p in group["params"]]
-        if dist.is_initialized():
-            flat = torch.cat([p.grad.flatten() for p in parameters])
-            dist.all_reduce(flat)
-            flat /= dist.get_world_size()
-            for p, part in zip(parameters, flat.split([p.numel() for p in parameters]), strict=True):
-                p.grad.copy_(part.view_as(p))
+        average([p.grad for p in parameters])
         torch.nn.utils.clip_grad_norm_(parameters, self.config.max_grad)
         self.optimiser.step()
         with torch.no_grad():
@@ -169,9 +183,7 @@ class PPO:
         mean, deviation = self._policy(observations)
         shift = (old_deviation**2 + (old_mean - mean) ** 2) / (2 * deviation**2)
         kl = ((deviation / old_deviation).log() + shift - 0.5).sum(-1).mean()
-        if dist.is_initialized():
-            dist.all_reduce(kl)
-            kl /= dist.get_world_size()
+        average([kl])
         low, high = self.config.lr_range
         if kl > 2 * self.config.kl:
             self.lr = max(low, self.lr / 1.5)

@@ -8,10 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from policies.gait import PERIOD, Gait
-from policies.motion.reaches import Reaches
-from policies.observation import LATENT, Mirror, Observer, joint_mirror, layout, leg_targets
+from policies.motion.clip import ClipSet
+from policies.motion.playback import Playback
+from policies.observation import Mirror, Observer, joint_mirror, layout, leg_targets
 from policies.ppo.randomise import randomise
 from policies.ppo.rewards import Moment, Rewards, foot_heights
+from policies.prior.latent import Latent
+from policies.prior.prior import Prior
 from policies.stance import Stance
 from robots.batch import Fleet
 from robots.catalog import Robot
@@ -23,6 +26,10 @@ LOW = 0.6
 """Pelvis height that counts as a fall while training [m]."""
 NOISE = {"gyro": 0.1, "quaternion": 0.015, "q": 0.01, "dq": 0.5, "feet_velocity": 0.05}
 """Half-widths of the uniform sensor noise."""
+STILL = 0.08
+"""Velocity commands below this ask to stand [m/s, rad/s]."""
+FOLLOW = 0.2
+"""Share of the robots that are told to move over the ground as the person in their clip did."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +50,23 @@ class Stage:
     push: float = 0.8
     """Largest velocity push [m/s]."""
     arms: bool = True
-    """Whether the arms reach about, with the amplitude that each robot has earned."""
+    """Whether the arms move, each motion with the amplitude that it has earned."""
     posture: float = 0.0
     """Share of commands that ask for roll, pitch and height."""
+
+    def clip(self, twist: np.ndarray) -> np.ndarray:
+        """Velocities [n, 3] within what is trained; what is hardly a motion is none."""
+        limit = np.array([self.vx, (-self.vy, self.vy), (-self.yaw, self.yaw)]).T
+        return np.where(np.abs(twist) < STILL, 0, np.clip(twist, *limit))
 
 
 class WalkEnv:
     """`count` robots. `step` takes actions [count, 12] and returns what a learner needs."""
 
-    def __init__(self, robot: Robot, count: int, seed: int, seconds: float = 12.0, threads: int = 0) -> None:
+    def __init__(
+        self, robot: Robot, motions: ClipSet, prior: Prior | None, count: int, seed: int, seconds: float = 12.0, threads: int = 0
+    ) -> None:
+        """motions: what the arms do. prior: makes z of it; without one z is 0."""
         self.spec, self.count = robot.spec, count
         self.rng = np.random.default_rng(seed)
         self.dt = 1 / robot.spec.policy_rate
@@ -60,18 +75,19 @@ class WalkEnv:
         self._known = randomise(self.fleet, self.rng)
         self.gait, self.observer = Gait(count, self.dt), Observer(robot.spec, count)
         self.stance = Stance(robot)
-        self.reaches, self._rewards = Reaches(robot.spec, count, self.dt, self.rng), Rewards(robot.spec)
-        self.amplitude = np.full(count, 0.1)
+        self.playback = Playback(robot.spec, motions, count, self.rng)
+        self._latent, self._rewards = Latent(robot.spec, prior, count), Rewards(robot.spec)
+        self._upper = np.tile(self.playback.home, (count, 1))
         self.penalty = 0.1
         self.stage = Stage("none", 0)
         self._late = self.rng.random(count) < 0.1  # these robots act one tick late
+        self._follows = self.rng.random(count) < FOLLOW
         self._legs = robot.spec.group("legs")
         zeros = lambda *shape: np.zeros((count, *shape))  # noqa: E731
         self.twist, self._posture, self._posture_goal = zeros(3), zeros(3), zeros(3)
         self._mean = zeros(3)
         self._actions = (zeros(12), zeros(12), zeros(12))
         self.age, self._recommand, self._push_in, self._since_push = zeros().astype(int), zeros(), zeros(), zeros()
-        self.latent = np.zeros((count, LATENT), np.float32)
         self.log: dict[str, list[float]] = defaultdict(list)
 
     @property
@@ -83,31 +99,31 @@ class WalkEnv:
     def start(self, stage: Stage) -> tuple[np.ndarray, np.ndarray]:
         """Begin a stage with every robot reset, ages spread so that episodes do not end together."""
         self.stage = stage
-        self._reset(np.ones(self.count, bool))
+        self._reset(np.ones(self.count, bool), np.zeros(self.count, bool))
         self.age = self.rng.integers(0, self.length, self.count)
         return self._observe(self.fleet.state())
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """One tick: (observation, critic's extra, reward [n], ended [n], timed out [n])."""
         self._push()
-        upper = self.reaches.step() if self.stage.arms else np.tile(self.reaches.home, (self.count, 1))
         self._actions = (action, *self._actions[:2])
         acted = np.where(self._late[:, None], self._actions[1], action)
         before = self.fleet.qvel[:, self.fleet.senses.dq[self._legs]].copy()
-        state = self.fleet.step(np.concatenate([leg_targets(self.spec, self.stance(self._posture), acted), upper], -1))
+        state = self.fleet.step(np.concatenate([leg_targets(self.spec, self.stance(self._posture), acted), self._upper], -1))
         acceleration = (state.dq[:, self._legs] - before) / self.dt
         self.gait.step(state, self.twist)
         self.age += 1
         self._since_push += self.dt
         reward, fell = self._judge(state, acceleration)
         late = self.age >= self.length
-        self._earn_amplitude(fell, late)
+        ended = fell | late
         self._command()
-        if (fell | late).any():
-            self._reset(fell | late)
+        if ended.any():
+            self.log["survived"] += (self.age[ended] / self.length).tolist()
+            self._reset(ended, fell)
             state = self.fleet.state()
         observation, extra = self._observe(state)
-        return observation, extra, reward, fell | late, late & ~fell
+        return observation, extra, reward, ended, late & ~fell
 
     def _judge(self, state: State, acceleration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         actual = np.column_stack([state.heading_velocity, state.yaw_rate])
@@ -143,16 +159,6 @@ class WalkEnv:
                 self.log[name].append(float(np.nanmean(value[mask])))
         return np.nan_to_num(reward, nan=-2.0), fell
 
-    def _earn_amplitude(self, fell: np.ndarray, late: np.ndarray) -> None:
-        """The paper's rule with quicker steps, since one generator stands for all motions: who survives gets livelier arms."""
-        ended = fell | late
-        if not ended.any():
-            return
-        self.log["survived"] += (self.age[ended] / self.length).tolist()
-        if self.stage.arms:
-            survived = self.age[ended] >= 0.9 * self.length
-            self.amplitude[ended] = np.clip(self.amplitude[ended] + np.where(survived, 0.08, -0.02), 0, 1)
-
     def _push(self) -> None:
         self._push_in -= self.dt
         due = self._push_in <= 0
@@ -168,6 +174,8 @@ class WalkEnv:
     def _command(self) -> None:
         self._recommand -= self.dt
         self._draw_commands(self._recommand <= 0)
+        if self.stage.arms:
+            self.twist[self._follows] = self.stage.clip(self.playback.twist()[self._follows])
         rate = np.array([0.3, 0.6, 0.6]) * self.dt
         self._posture += np.clip(self._posture_goal - self._posture, -rate, rate)
 
@@ -180,15 +188,14 @@ class WalkEnv:
         twist[kind < 0.4, 1:] = 0  # straight
         twist[(kind > 0.4) & (kind < 0.55), ::2] = 0  # sideways
         twist[(kind > 0.55) & (kind < 0.7), :2] = 0  # turn
-        twist[np.abs(twist) < 0.08] = 0
         twist[rng.random(n) < stage.stand] = 0
-        self.twist[mask] = twist
+        self.twist[mask] = stage.clip(twist)
         posture = np.column_stack([rng.uniform(0.82, 1.02, n), rng.uniform(-0.2, 0.2, (n, 2))])
         lean = rng.random(n) < stage.posture
         self._posture_goal[mask] = np.where(lean[:, None], posture, [self.spec.nominal_height, 0, 0])
         self._recommand[mask] = rng.uniform(3, 8, n)
 
-    def _reset(self, mask: np.ndarray) -> None:
+    def _reset(self, mask: np.ndarray, fell: np.ndarray) -> None:
         n, rng, fleet = int(mask.sum()), self.rng, self.fleet
         fleet.reset(mask)
         yaw = rng.uniform(-np.pi, np.pi, n)
@@ -197,8 +204,9 @@ class WalkEnv:
         fleet.qvel[mask, :3] = rng.uniform(-0.2, 0.2, (n, 3))
         self.gait.reset(mask)
         self.observer.reset(mask)
-        self.reaches.amplitude = self.amplitude
-        self.reaches.reset(mask)
+        if self.stage.arms:
+            self.playback.reset(mask, fell)
+        self._latent.reset(mask, np.tile(self.playback.home, (self.count, 1)))
         for array in (*self._actions, self._mean):
             array[mask] = 0
         self.age[mask] = 0
@@ -208,14 +216,16 @@ class WalkEnv:
         self._since_push[mask] = 10
 
     def _observe(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        if self.stage.arms:
+            self._upper = self.playback.step()  # where the arms go in the tick that this observation decides
         seen = replace(state, **{k: getattr(state, k) + self.rng.uniform(-w, w, getattr(state, k).shape) for k, w in NOISE.items()})
         observation = self.observer.observe(
-            seen, self.gait, self.twist, self._posture, self.stance(self._posture), self._actions[0], self.latent
+            seen, self.gait, self.twist, self._posture, self.stance(self._posture), self._actions[0], self._latent.step(self._upper)
         )
         height = (foot_heights(state) * 10).astype(np.float32)
         body = np.column_stack([state.heading_velocity, state.velocity[:, 2], state.position[:, 2] - 1, self._mean])
-        ahead = self.reaches.at(0.3) - self.reaches.at(0.0)
-        extra = [body, height, state.touch / 300, self._known, self.reaches.amplitude[:, None], ahead]
+        ahead = self.stage.arms * (self.playback.at(0.3) - self._upper)
+        extra = [body, height, state.touch / 300, self._known, self.playback.amplitude[:, None], ahead]
         return observation, np.nan_to_num(np.concatenate(extra, -1)).astype(np.float32)
 
 

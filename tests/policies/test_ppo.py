@@ -1,18 +1,26 @@
 """The learner: advantages by hand, KL by hand, and a training of seconds that learns, resumes and exports."""
 
 import csv
-from dataclasses import replace
+import subprocess
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
 from policies import checkpoint
-from policies.errors import WrongWeights
+from policies.errors import NothingToBeginWith, OtherMotions, WrongWeights
+from policies.motion import reaches
 from policies.ppo.algorithm import PPOConfig, advantages, log_prob
-from policies.ppo.train import Trainer, WalkConfig, train
+from policies.ppo.config import STAGES, WalkConfig
+from policies.ppo.train import train
+from policies.ppo.trainer import Trainer
+from policies.prior.model import PriorModel
 from policies.walk import Walk
 from robots import catalog
+from robots.batch import Fleet
 
 
 def test_advantages_by_hand():
@@ -66,3 +74,76 @@ def test_an_update_moves_the_policy_by_about_the_wanted_divergence(tmp_path):
     assert any((a != b).any() for a, b in zip(before, trainer.actor.parameters(), strict=True))
     assert 0 < row["kl"] < 0.2
     assert np.isfinite(row["value_loss"])
+
+
+@pytest.fixture(scope="module")
+def with_prior(tmp_path_factory, tiny) -> WalkConfig:
+    """A run on recorded motions and a motion prior (untrained), begun with the networks of the tiny one."""
+    folder = tmp_path_factory.mktemp("pmp")
+    spec = catalog.load("h1").spec
+    motions = reaches.clips(spec, 3, np.random.default_rng(5), seconds=4.0)
+    walked = [replace(clip, category=category) for clip, category in zip(motions.clips, ("gesture", "run", "walk"), strict=True)]
+    replace(motions, clips=tuple(walked)).save(folder / "clips.npz")
+    joints = list(spec.motor_names[spec.group("waist", "arms")])
+    model = PriorModel(spec)
+    card = {"kind": "prior", "name": "p", "robot": "h1", "joints": joints, "window": 50, "shape": asdict(model.shape)}
+    checkpoint.save(folder / "p.safetensors", model.state_dict(), card)
+    train(tiny)
+    return replace(
+        tiny, run=folder / "run", begin=tiny.run, motions=folder / "clips.npz", reaches=2, prior=str(folder / "p.safetensors"), steps=256
+    )  # fmt: skip
+
+
+def test_beginning_with_another_run_keeps_what_it_knew_and_gives_the_latent_to_the_networks(with_prior, tiny):
+    trainer, before = Trainer(with_prior), Trainer(tiny)
+    before.resume()
+    trainer.resume()
+    assert len(trainer.env.playback.alpha) == 4, "three motions without the run, and two clips of reaches"
+    trainer.env.playback.alpha[:] = 1
+    trainer.env.start(STAGES[-1])
+    for _ in range(20):
+        seen, *_ = trainer.env.step(np.zeros((16, 12)))
+    assert seen[:, -64:].std(0).min() > 0, "the latent follows the arms"
+    blind = seen.copy()
+    blind[:, -64:] = 0
+    with torch.no_grad():
+        now, then = trainer.actor(torch.tensor(seen)), before.actor(torch.tensor(blind))
+        np.testing.assert_allclose(now, then, atol=1e-5)
+        assert trainer.actor.normaliser.variance.min() > 0
+
+
+def test_a_policy_trained_with_a_prior_walks_with_it(with_prior):
+    path = train(with_prior)
+    robot = catalog.load("h1")
+    walk = Walk(robot, str(path))
+    fleet = Fleet(robot, 1)
+    home = robot.spec.home[robot.spec.group("waist", "arms")][None]
+    for i in range(3):
+        walk.act(fleet.state(), np.zeros((1, 3)), np.array([[0.99, 0, 0]]), home + 0.1 * i)
+    assert np.abs(walk.latent).max() > 0
+    assert (walk.observation[:, -64:] == walk.latent).all()
+
+
+def test_other_motions_than_a_run_began_with_are_refused(with_prior):
+    train(with_prior)
+    with pytest.raises(OtherMotions, match="was trained with 4 motions, not 5"):
+        Trainer(replace(with_prior, reaches=3)).resume()
+
+
+def test_a_run_that_is_not_there_cannot_be_begun_with(tiny, tmp_path):
+    with pytest.raises(NothingToBeginWith, match="teleop-train walk --run"):
+        Trainer(replace(tiny, run=tmp_path, begin=tmp_path / "none")).resume()
+
+
+def test_without_the_curriculum_every_motion_plays_in_full_from_the_start(tiny, tmp_path):
+    assert (Trainer(replace(tiny, run=tmp_path, curriculum=False)).env.playback.alpha == 1).all()
+
+
+def test_two_processes_learn_one_policy(tiny, tmp_path):
+    config = ["--run", str(tmp_path), "--count", "8", "--steps", "256", "--threads", "1", "--torch-threads", "1", "--ppo.horizon", "8"]
+    trainer = str(Path(sys.executable).with_name("teleop-train"))
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", "--", trainer, "walk"]
+    subprocess.run([*command, *config], check=True, timeout=120, capture_output=True)
+    rows = list(csv.DictReader((tmp_path / "curves.csv").read_text().splitlines()))
+    assert [int(r["steps"]) for r in rows] == [128, 256], "both processes' steps count"
+    assert Walk(catalog.load("h1"), str(tmp_path / "walk.safetensors")).card["steps"] == 256

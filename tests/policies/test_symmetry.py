@@ -7,6 +7,7 @@ import torch
 from policies.gait import Gait
 from policies.networks import Actor, Critic
 from policies.observation import TURN, VECTOR, Mirror, Observer, action_mirror, joint_mirror, layout
+from policies.ppo.algorithm import settle
 from policies.ppo.env import privileged_mirror
 from policies.ppo.rewards import Moment, Rewards
 from policies.stance import Stance
@@ -108,8 +109,8 @@ def test_networks_cannot_tell_left_from_right():
     whole = Mirror.stack([mirror, privileged_mirror(SPEC)])
     actor, critic = Actor(mirror, LEGS), Critic(whole)
     x, y = torch.randn(COUNT, len(mirror.sign)), torch.randn(COUNT, len(whole.sign))
-    actor.normaliser.update(actor.inputs(x))
-    critic.normaliser.update(critic.inputs(y))
+    settle(actor.normaliser, actor.inputs(x))
+    settle(critic.normaliser, critic.inputs(y))
     with torch.no_grad():
         action, value = actor(x), critic.value(critic.features(y))
         np.testing.assert_allclose(actor(torch.tensor(mirror(x.numpy())).float()), LEGS(action.numpy()), atol=1e-6)
