@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import errno
-import ipaddress
 import signal
-import socket
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,9 +10,11 @@ from pathlib import Path
 import tyro
 import uvicorn
 
-from app import recordings
+from app import door, log, recordings
 from app.config import Serve
-from app.errors import AppError, CannotListen, NoTokenYet, PortTaken
+from app.errors import AppError
+from app.limits import LARGEST_MESSAGE
+from app.token import keep
 from policies.errors import PolicyError
 from robots.errors import RobotError
 
@@ -28,8 +27,6 @@ examples:
   teleop replay recordings/FILE.mcap   simulate it again and compare, bit for bit
   teleop recover recordings            mend what a crash left behind
 """
-LARGEST_FRAME = 1024 * 1024
-"""Bytes of one WebSocket message, on any route."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,57 +50,36 @@ def serve(config: Serve) -> int:
     """
     from app.session import Session  # the other commands do without a simulator and a web server
 
-    with listen(config.host, config.port) as door:
-        session = Session(config)
+    log.configure(config.log)
+    token = config.token and keep(config.token)
+    with door.listen(config) as listener:
+        session = Session(config, token)
         try:
             for line in session.missing():
                 print(line, file=sys.stderr)
-            print(f"{config.robot} stands. Open http://{_in_url(config.host)}:{door.getsockname()[1]} - Ctrl-C ends.", flush=True)
+            print(f"{config.robot} stands. Open {_invitation(config, door.url(config, listener), token)} - Ctrl-C ends.", flush=True)
             options = uvicorn.Config(
                 session.app(),
                 log_level="warning",
-                ws_max_size=LARGEST_FRAME,
+                log_config=None,
+                access_log=False,
+                ws_max_size=LARGEST_MESSAGE,
                 ws_per_message_deflate=False,
                 timeout_graceful_shutdown=2,
+                ssl_certfile=config.certificate,
+                ssl_keyfile=config.key,
             )
-            uvicorn.Server(options).run(sockets=[door])
+            uvicorn.Server(options).run(sockets=[listener])
         finally:
             session.close()
     return 0
 
 
-def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens there.
-
-    Raises:
-        NoTokenYet: other machines could reach it.
-        PortTaken: another program has it.
-        CannotListen: there is no such address here, or this user may not use it.
-    """
-    if not _is_loopback(host):
-        raise NoTokenYet(host)
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    door = socket.socket(family, socket.SOCK_STREAM)
-    door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        door.bind((host, port))
-        door.listen(128)
-    except (OSError, OverflowError) as error:
-        door.close()
-        taken = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
-        raise PortTaken(host, port) if taken else CannotListen(host, port, str(error)) from error
-    return door
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
-def _in_url(host: str) -> str:
-    return f"[{host}]" if ":" in host else host
+def _invitation(config: Serve, address: str, token: str | None) -> str:
+    """What to open. The token is shown to a person at a terminal only: what is written to a file or a journal stays there."""
+    if token is None:
+        return address
+    return f"{address}/?token={token if sys.stdout.isatty() else f'TOKEN (it stands in {config.token})'}"
 
 
 def _parse(arguments: list[str]) -> Serve | int:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.log import Form
+
 
 @dataclass(frozen=True)
 class Serve:
@@ -13,10 +15,20 @@ class Serve:
     robot: str = "h1"
     """Which robot."""
     host: str = "127.0.0.1"
-    """Address to listen on. Other machines reach it through an SSH tunnel."""
+    """Address to listen on. Other machines reach it through an SSH tunnel, or here with a token."""
     port: int = 8080
     """Port to listen on."""
+    token: Path | None = None
+    """File of the token that everybody needs who opens the page; made where there is none."""
+    names: tuple[str, ...] = ()
+    """Further names under which the page is opened, such as lab-pc.local."""
+    certificate: Path | None = None
+    """TLS certificate (PEM); headsets only show the robot over https."""
+    key: Path | None = None
+    """Private key of the certificate (PEM)."""
     policy: str = "walk_h1"
     """Weights of the leg policy: a shipped name, or a path to a .safetensors file."""
+    log: Form = "text"
+    """Warnings as text, or every event as a line of JSON."""
     recordings: Path = Path("recordings")
     """Folder of the recorded episodes."""

@@ -18,13 +18,20 @@ class PortTaken(AppError):
         super().__init__(f"port {port} on {host} is taken by another program; stop it or choose another one with --port")
 
 
-class NoTokenYet(AppError):
-    """An address that other machines can reach."""
+class NeedsToken(AppError):
+    """An address that other machines can reach, open to everybody."""
 
     def __init__(self, host: str) -> None:
         super().__init__(
-            f"{host} can be reached from other machines, and there is no access control yet; use --host 127.0.0.1 and an SSH tunnel"
+            f"{host} can be reached from other machines; say who may drive with --token FILE, or use --host 127.0.0.1 and an SSH tunnel"
         )
+
+
+class BadCertificate(AppError):
+    """TLS files that do not work."""
+
+    def __init__(self, why: str) -> None:
+        super().__init__(f"the certificate cannot be used ({why}); give a PEM file with --certificate and its key with --key")
 
 
 class CannotListen(AppError):

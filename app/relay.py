@@ -14,10 +14,11 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
 from app.errors import AppError
+from app.limits import Allowance, TooMany
 
 CLIENTS = 16
 """Pages at once."""
-FULL, GONE = 1013, 1011
+FULL, GONE, TOO_MANY = 1013, 1011, 1008
 """Why a socket is closed."""
 BLOCKED = 5.0
 """A page that takes in nothing for this long is closed [s]."""
@@ -134,5 +135,9 @@ async def _forward(viser: ClientConnection, socket: WebSocket) -> None:
 
 
 async def _ignore(socket: WebSocket) -> None:
-    while (await socket.receive())["type"] != "websocket.disconnect":
-        pass
+    allowance = Allowance()
+    try:
+        while (await socket.receive())["type"] != "websocket.disconnect":
+            allowance.take()
+    except TooMany as error:
+        await socket.close(TOO_MANY, str(error))

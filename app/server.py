@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 
@@ -15,14 +14,11 @@ from pydantic import ValidationError
 from app.errors import AppError
 from app.gate import Gate
 from app.inputs.operator import Client, Operators
+from app.limits import LARGEST_MESSAGE, Allowance, SmallBodies, TooMany
 from app.protocol import VERSION, Answer, Health, OperatorMessage
 
 ANSWER_PERIOD = 0.04
 """Seconds between two answers to a client."""
-LARGEST_MESSAGE = 64 * 1024
-"""Bytes."""
-MESSAGES_A_SECOND = 200
-"""A client who sends more is closed."""
 CLIENTS = 16
 """Open operator sockets."""
 BLOCKED = 5.0
@@ -38,6 +34,8 @@ def create_app(
     reset: Callable[[], None],
     host: str,
     routers: Sequence[APIRouter] = (),
+    names: Sequence[str] = (),
+    token: str | None = None,
 ) -> FastAPI:
     """The whole site.
 
@@ -47,9 +45,12 @@ def create_app(
         reset: puts the robot back home, and starts the simulation again if it is lost; may block.
         host: the configured host name.
         routers: page, episodes.
+        names: further names of this machine.
+        token: what people have to know to be let in.
     """
     app = FastAPIOffline(title="humanoid-teleop", description="Drive a walking humanoid.", version=str(VERSION))
-    app.add_middleware(Gate, host=host)
+    app.add_middleware(SmallBodies)
+    app.add_middleware(Gate, host=host, names=names, token=token)
     app.add_exception_handler(AppError, _say)
     app.webhooks.add_api_route("operator", _operator_socket, methods=["POST"], summary="WS /api/operator")
     app.include_router(_control(health, operators, reset), prefix="/api")
@@ -125,7 +126,7 @@ class _Refused(Exception):
 
 async def _read(socket: WebSocket, client: Client, operators: Operators) -> None:
     """Hear every message until the socket closes, or has to be closed."""
-    allowance = _Allowance(MESSAGES_A_SECOND)
+    allowance = Allowance()
     while (packet := await socket.receive())["type"] != "websocket.disconnect":
         try:
             allowance.take()
@@ -133,8 +134,8 @@ async def _read(socket: WebSocket, client: Client, operators: Operators) -> None
         except ValidationError as error:
             first = error.errors()[0]
             operators.refuse(client, f"{'.'.join(map(str, first['loc']))}: {first['msg']}")
-        except _Refused as refused:
-            await socket.close(refused.code, str(refused))
+        except (_Refused, TooMany) as refused:
+            await socket.close(refused.code if isinstance(refused, _Refused) else TOO_MANY, str(refused))
             return
 
 
@@ -165,23 +166,3 @@ async def _answer(socket: WebSocket, client: Client, operators: Operators, healt
         answer = Answer(**dict(health()), seq=client.seq, you=client.name, driving=driving, error=error)
         await asyncio.wait_for(socket.send_text(answer.model_dump_json()), BLOCKED)
         await asyncio.sleep(ANSWER_PERIOD)
-
-
-class _Allowance:
-    """So many a second, with a second's worth at once."""
-
-    def __init__(self, rate: float) -> None:
-        self._rate, self._left, self._at = rate, rate, time.monotonic()
-
-    def take(self) -> None:
-        """One more.
-
-        Raises:
-            _Refused: there is none left.
-        """
-        now = time.monotonic()
-        self._left = min(self._rate, self._left + (now - self._at) * self._rate)
-        self._at = now
-        if self._left < 1:
-            raise _Refused(TOO_MANY, f"more than {MESSAGES_A_SECOND} messages a second")
-        self._left -= 1

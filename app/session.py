@@ -33,13 +33,18 @@ WATCH_PERIOD = 0.1
 class Session:
     """Everything that lives while the program runs. `close` ends all of it."""
 
-    def __init__(self, config: Serve) -> None:
+    def __init__(self, config: Serve, token: str | None = None) -> None:
         """Start the robot and wait until it stands.
+
+        Args:
+            config: what the program was started with.
+            token: what people have to know to be let in.
 
         Raises:
             RobotError, PolicyError: an unknown name.
             SimulationFailed: the robot could not be built; the message says why.
         """
+        self._token = token
         self._robot, self._weights = catalog.load(config.robot), checkpoint.find(config.policy, "walk")
         self.simulation = Simulation(Factory(config.robot, str(self._weights)))
         self.simulation.start()
@@ -50,7 +55,7 @@ class Session:
         except BaseException:
             self.simulation.close()
             raise
-        self._host, exchange = config.host, self.simulation.exchange
+        self._host, self._names, exchange = config.host, config.names, self.simulation.exchange
         self.operators = Operators(exchange.commands, self.simulation.applied)
         description = ThreadPoolExecutor(1).submit(self._describe)  # ready before the first episode
         self.episodes = episodes.Episodes(config.recordings, description.result, exchange.rows)
@@ -62,7 +67,7 @@ class Session:
     def app(self) -> FastAPI:
         """The site."""
         routers = [*self._page.routers, episodes.router(self.episodes)]
-        return create_app(self.health, self.operators, self.reset, self._host, routers)
+        return create_app(self.health, self.operators, self.reset, self._host, routers, self._names, self._token)
 
     def missing(self) -> list[str]:
         """What the robot could look better with; a sentence each."""

@@ -34,6 +34,9 @@ def test_help_names_the_commands_and_gives_examples(capsys: pytest.CaptureFixtur
         (["--host", "0.0.0.0"], r"can be reached from other machines"),
         (["--host", "example.org"], r"can be reached from other machines"),
         (["--port", "99999"], r"cannot listen on 127.0.0.1:99999"),
+        (["--certificate", "nowhere.pem"], r"the certificate cannot be used .*--key"),
+        (["--key", "nowhere.pem"], r"there is a key but no certificate"),
+        (["--token", __file__], r"chmod 600|holds no token"),
     ],
 )
 def test_a_mistake_is_one_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
