@@ -1,13 +1,18 @@
-"""Who drives: one lease at a time. Everybody else watches; anyone may stop."""
+"""Who drives what: one lease a role, and one driver a lease. Everybody else watches; anyone may stop."""
 
 from __future__ import annotations
 
+from typing import Literal
+
+Role = Literal["arms", "legs"]
+ROLES: tuple[Role, ...] = ("arms", "legs")
+"""Arms: wrists, hands, neck and waist. Legs: velocity, height and lean. Arrays with an entry a role have this order."""
 SILENCE = 2.0
 """A driver who says nothing for this long loses the lease [s]."""
 
 
 class Lease:
-    """The right to write the robot's command, or a part of it: another part is another lease. Times are monotonic [s]."""
+    """The right to write one role's part of the command. Times are monotonic [s]."""
 
     def __init__(self) -> None:
         self.holder: str | None = None
@@ -27,20 +32,26 @@ class Lease:
         """
         self.expire(now)
         if client != self.holder and (takes or (wants and self.holder is None)):
-            self.holder, self.number = client, self.number + 1
+            self.give(client, now)
         if client != self.holder:
             return False
         self._heard = now
         return True
 
+    def give(self, client: str, now: float) -> None:
+        """From here on it is this client's."""
+        self.holder, self.number, self._heard = client, self.number + 1, now
+
     def leave(self, client: str) -> bool:
-        """A client is gone. Returns whether it was the one who drove."""
+        """A client is gone, or wants the role no longer. Returns whether it was the one who drove."""
         drove = client == self.holder
         if drove:
             self.holder = None
         return drove
 
-    def expire(self, now: float) -> None:
-        """Free the lease of a driver who fell silent."""
-        if now - self._heard > SILENCE:
+    def expire(self, now: float) -> bool:
+        """Free the lease of a driver who fell silent. Returns whether there was one."""
+        expired = self.holder is not None and now - self._heard > SILENCE
+        if expired:
             self.holder = None
+        return expired

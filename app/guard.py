@@ -1,11 +1,17 @@
-"""Decides every tick how far the operator is trusted: stopped, held, engaged, or a latched fault. Pure and deterministic."""
+"""Decides every tick how far the operators are trusted: stopped, held, engaged, or a latched fault. Pure and deterministic.
+
+Each role (arms, legs) is held and engaged by itself, for its driver's own Engage and silence: whoever is lost stops what they
+drove, and nobody else's hands are frozen. STOPPED and FAULT are the whole robot's; so is the mode that is told: the most severe
+of the roles that somebody drives.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from app.arbiter import ROLES
 from app.limiter import Limiter
 from app.mode import Mode, Reason
 from policies.command import SIZE, Command
@@ -53,20 +59,29 @@ class Ask:
 
     serial: int
     """Grows with every command."""
-    stamp: float
-    """When the operator's newest message arrived, monotonic [s]."""
     vector: np.ndarray
     """Command.vector, unchecked [36]."""
     given: np.ndarray
     """Which wrists the driver has set, left and right [2]."""
-    driver: int
-    presses: int
+    stamps: np.ndarray
+    """When the driver's newest message arrived, a role (app.arbiter.ROLES), monotonic [2], s; -inf: nobody drives."""
+    engage: np.ndarray
+    """Whether the driver holds Engage, a role [2]."""
+    driver: np.ndarray
+    presses: np.ndarray
+    """Counters of leases and of fresh presses of Engage, a role [2]."""
     stops: int
     resets: int
-    """Counters of leases, of fresh presses of Engage, of Stop and of Reset."""
+    """Counters of Stop and of Reset."""
+
+    @property
+    def stamp(self) -> float:
+        """When anybody's newest message arrived, monotonic [s]."""
+        return float(self.stamps.max())
 
 
-SILENT = Ask(0, -np.inf, Command().vector(), np.zeros(2, dtype=bool), 0, 0, 0, 0)
+NOBODY, NONE = np.full(2, -np.inf), np.zeros(2, dtype=int)
+SILENT = Ask(0, Command().vector(), NONE.astype(bool), NOBODY, NONE.astype(bool), NONE, NONE, 0, 0)
 """What is asked before anybody asked anything."""
 
 
@@ -94,19 +109,19 @@ class Guard:
         self.home, self.dt, self._lowest = home, dt, nominal_height / 2
         self.rejected = 0
         self._seen, self._serial = ask, ask.serial
-        self._good, self._stamp = home, -np.inf
+        self._good, self._stamps = home, NOBODY
         self._now = np.inf
         self.reset(Reason.STARTED)
 
     def reset(self, reason: Reason = Reason.RESET) -> None:
         """Back to STOPPED at home; the robot has been put there."""
-        self.mode, self.reason = Mode.STOPPED, reason
+        self._put(Mode.STOPPED, reason)
         self.limiter = Limiter(self.home, self.dt)
 
     def fault(self, reason: Reason) -> None:
         """Latch a fault; the first one stays."""
         if self.mode != Mode.FAULT:
-            self.mode, self.reason = Mode.FAULT, reason
+            self._put(Mode.FAULT, reason)
 
     def step(self, now: float, ask: Ask, state: State) -> Guarded:
         """What the robot may do in the tick that starts at `now` (monotonic, s) in `state`."""
@@ -114,9 +129,19 @@ class Guard:
         self._judge(now, ask, state)
         elapsed = max(self.dt, now - self._now)  # longer than a tick on a machine that misses some: it brakes in time too
         self._seen, self._now = ask, now
-        engaged = self.mode == Mode.ENGAGED
-        command = self.limiter.follow(self._good, ask.given) if engaged else self.limiter.hold(elapsed)
+        arms, legs = (mode == Mode.ENGAGED for mode in self.modes)
+        command = self.limiter.step(self._good, ask.given, arms, legs, elapsed)
         return Guarded(command, self.mode, self.reason)
+
+    @property
+    def mode(self) -> Mode:
+        """The whole robot's."""
+        return self.modes[self._told]
+
+    @property
+    def reason(self) -> Reason:
+        """Why it is the mode."""
+        return self.reasons[self._told]
 
     def upright(self, state: State) -> bool:
         """Whether the robot has not fallen."""
@@ -138,35 +163,53 @@ class Guard:
         good = Command.from_vector(ask.vector)
         quaternions = good.wrists[:, 3:]
         quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
-        self._good, self._stamp = good, ask.stamp
+        self._good, self._stamps = good, ask.stamps
 
     def _judge(self, now: float, ask: Ask, state: State) -> None:
-        """The mode of this tick, the most severe trigger first."""
-        before = self._seen
+        """The modes of this tick, the most severe trigger first."""
         if not self.upright(state):
             self.fault(Reason.FALLEN)
         if self.mode == Mode.FAULT:
             return
-        alive = now - self._stamp <= SILENCE
-        if ask.stops != before.stops:
-            self.mode, self.reason = Mode.STOPPED, Reason.STOP_PRESSED
-        elif self.mode == Mode.ENGAGED:
-            self._let_go_if(ask.driver != before.driver, Reason.TAKEN_OVER)
-            self._let_go_if(not alive, Reason.SILENT)
-            self._let_go_if(not self._good.engage, Reason.RELEASED)
-        elif ask.presses != before.presses and self._good.engage and alive:
-            self.mode, self.reason = Mode.ENGAGED, Reason.ENGAGED
-            self.limiter.engage()
+        if ask.stops != self._seen.stops:
+            self._put(Mode.STOPPED, Reason.STOP_PRESSED)
+            return
+        for role in range(len(ROLES)):
+            self._judge_role(role, ask, alive=now - self._stamps[role] <= SILENCE)
+        if Mode.ENGAGED in self.modes:
+            self.modes = [Mode.HOLD if mode == Mode.STOPPED else mode for mode in self.modes]
 
-    def _let_go_if(self, lost: bool, reason: Reason) -> None:
-        if lost and self.mode == Mode.ENGAGED:
-            self.mode, self.reason = Mode.HOLD, reason
+    def _judge_role(self, role: int, ask: Ask, alive: bool) -> None:
+        before, engage = self._seen, bool(ask.engage[role])
+        if self.modes[role] == Mode.ENGAGED:
+            self._let_go_if(role, ask.driver[role] != before.driver[role], Reason.TAKEN_OVER)
+            self._let_go_if(role, not alive, Reason.SILENT)
+            self._let_go_if(role, not engage, Reason.RELEASED)
+        elif ask.presses[role] != before.presses[role] and engage and alive:
+            self.modes[role], self.reasons[role] = Mode.ENGAGED, Reason.ENGAGED
+            if ROLES[role] == "arms":
+                self.limiter.engage()
+
+    def _let_go_if(self, role: int, lost: bool, reason: Reason) -> None:
+        if lost and self.modes[role] == Mode.ENGAGED:
+            self.modes[role], self.reasons[role] = Mode.HOLD, reason
+
+    def _put(self, mode: Mode, reason: Reason) -> None:
+        self.modes, self.reasons = [mode] * len(ROLES), [reason] * len(ROLES)
+
+    @property
+    def _told(self) -> int:
+        """The role whose mode is the whole robot's: the most severe, of those that somebody drives."""
+        driven = [role for role in range(len(ROLES)) if np.isfinite(self._stamps[role])] or range(len(ROLES))
+        return min(driven, key=lambda role: self.modes[role] == Mode.ENGAGED)  # STOPPED and FAULT are never one role's alone
 
 
 def ask_from(record: np.void | None, serial: int) -> Ask:
     """The Ask in a record of app.shared.COMMAND."""
     if record is None:
         return SILENT
-    counters = {name: int(record[name]) for name in ("driver", "presses", "stops", "resets")}
-    stamp = record["stamp"] * 1e-9 if record["stamp"] else -np.inf
-    return replace(SILENT, serial=serial, stamp=stamp, vector=record["vector"], given=record["given"].astype(bool), **counters)
+    stamps = np.where(record["stamp"] != 0, record["stamp"] * 1e-9, -np.inf)
+    flags = {name: record[name].astype(bool) for name in ("given", "engage")}
+    counters = {name: record[name].astype(int) for name in ("driver", "presses")}
+    stops, resets = int(record["stops"]), int(record["resets"])
+    return Ask(serial, record["vector"], stamps=stamps, stops=stops, resets=resets, **flags, **counters)

@@ -51,34 +51,45 @@ class Limiter:
         self._asked = [None, None]
         self.let_go[:] = False
 
-    def follow(self, wanted: Command, given: np.ndarray) -> Command:
-        """Move towards `wanted` (finite); given [2] says which wrists the operator has set."""
+    def step(self, wanted: Command, given: np.ndarray, arms: bool, legs: bool, elapsed: float) -> Command:
+        """A tick's worth towards `wanted` (finite) where the operators are followed; the rest holds.
+
+        Args:
+            wanted: what is asked.
+            given: which wrists the operator has set, left and right [2].
+            arms: whether wrists, hands, neck and waist follow; otherwise they stay.
+            legs: whether velocity and posture follow; otherwise the velocity is braked to zero and the posture stays.
+            elapsed: time since the last step [s].
+        """
+        fields = (self._reach(wanted, given) if arms else {}) | (self._walk(wanted) if legs else self._stand(elapsed))
+        self.applied = replace(self.applied, engage=arms or legs, **fields)
+        return self.applied
+
+    def _reach(self, wanted: Command, given: np.ndarray) -> dict:
+        """The arms' fields."""
+        now, dt = self.applied, self.dt
+        return {
+            "wrists": np.stack([self._wrist(side, wanted.wrists[side], bool(given[side])) for side in (0, 1)]),
+            "hands": _towards(now.hands, np.clip(wanted.hands, 0, 1), HAND_RATE * dt),
+            "neck": _towards(now.neck, np.clip(wanted.neck, *NECK), NECK_RATE * dt),
+            "waist": float(_towards(np.array(now.waist), np.clip(wanted.waist, -WAIST, WAIST), WAIST_RATE * dt)),
+        }
+
+    def _walk(self, wanted: Command) -> dict:
+        """The legs' fields."""
         now, dt = self.applied, self.dt
         asked = np.clip(wanted.twist, *TWIST)
         rate = np.where(np.abs(asked) < np.abs(now.twist), TWIST_BRAKE, TWIST_RATE)
         twist = _towards(now.twist, asked, rate * dt)
         posture = np.clip([wanted.height, wanted.roll, wanted.pitch], *POSTURE)
         height, roll, pitch = _towards(np.array([now.height, now.roll, now.pitch]), posture, POSTURE_RATE * dt)
-        self.applied = Command(
-            engage=True,
-            twist=twist,
-            height=float(height),
-            roll=float(roll),
-            pitch=float(pitch),
-            wrists=np.stack([self._wrist(side, wanted.wrists[side], bool(given[side])) for side in (0, 1)]),
-            hands=_towards(now.hands, np.clip(wanted.hands, 0, 1), HAND_RATE * dt),
-            neck=_towards(now.neck, np.clip(wanted.neck, *NECK), NECK_RATE * dt),
-            waist=float(_towards(np.array(now.waist), np.clip(wanted.waist, -WAIST, WAIST), WAIST_RATE * dt)),
-        )
         self._brake = np.abs(twist) / STOP_TIME
-        return self.applied
+        return {"twist": twist, "height": float(height), "roll": float(roll), "pitch": float(pitch)}
 
-    def hold(self, elapsed: float) -> Command:
-        """Brake to zero velocity within STOP_TIME; the posture stays. `elapsed` is the time since the last step [s]."""
+    def _stand(self, elapsed: float) -> dict:
+        """The legs' fields while nobody is followed: to zero velocity within STOP_TIME."""
         brake = self._brake * elapsed + 1e-9  # so that rounding leaves no creep
-        twist = _towards(self.applied.twist, np.zeros(3), brake)
-        self.applied = replace(self.applied, engage=False, twist=twist)
-        return self.applied
+        return {"twist": _towards(self.applied.twist, np.zeros(3), brake)}
 
     def _wrist(self, side: int, asked: np.ndarray, given: bool) -> np.ndarray:
         """The next pose of one wrist [7]."""

@@ -10,6 +10,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
+from app.arbiter import Role
+
 VERSION = 1
 """Of this wire; a page that meets another number reloads itself."""
 
@@ -98,14 +100,20 @@ class OperatorMessage(Wire):
     neck: Neck | None = None
     waist: FiniteFloat | None = None
     """Waist yaw [rad]."""
+    roles: Annotated[list[Role], Field(max_length=2)] | None = None
+    """What this client drives, or would: arms and legs, unless it says otherwise. A role that is not listed any more is free."""
     take: bool = False
-    """Take the lease from whoever drives; the robot holds until the next fresh press."""
+    """Take `roles` from whoever drives them; what was taken holds until the next fresh press."""
+    ask: bool = False
+    """Ask whoever drives them for `roles`, for as long as messages say so."""
+    give: Annotated[str, Field(max_length=20)] | None = None
+    """Hand what this client drives to the client with this id, as far as that one wants it (its `roles`); it holds in between."""
     name: Annotated[str, Field(min_length=1, max_length=40)] | None = None
     """How others see this client; otherwise it is numbered."""
 
     @property
     def drives(self) -> bool:
-        """Whether this message asks for the lease when it is free."""
+        """Whether this message takes its client's roles where they are free."""
         fields = (self.twist, self.height, self.roll, self.pitch, self.wrists, self.hands, self.neck, self.waist)
         return bool(self.engage) or any(field is not None for field in fields)
 
@@ -174,13 +182,42 @@ class Latency(Wire):
     lateness: float
 
 
+class Part(Wire):
+    """One role of the robot."""
+
+    driver: str | None
+    """Who drives it."""
+    state: State
+    reason: str
+    """Why the state is what it is, as a sentence."""
+
+
+class Parts(Wire):
+    arms: Part
+    """Wrists, hands, neck and waist."""
+    legs: Part
+    """Velocity, height and lean."""
+
+
+class Member(Wire):
+    """A client who is connected."""
+
+    id: str
+    name: str
+    drives: list[Role]
+    asks: list[Role]
+    """What it would like to drive and another one does."""
+
+
 class Health(Wire):
     """GET /api/health."""
 
     version: int = VERSION
     state: State
+    """The most severe of what is driven."""
     reason: str
     """Why the state is what it is, as a sentence."""
+    roles: Parts
     robot: str
     policy: str
     time: float
@@ -200,7 +237,7 @@ class Health(Wire):
     command: Applied
     wrists: BothWrists
     driver: str | None
-    """Who holds the lease."""
+    """Who drives; two names where two share the robot."""
     clients: int
     """Open operator sockets."""
     rejected: int
@@ -216,9 +253,15 @@ class Answer(Health):
 
     seq: int
     """Of the newest message read from this client; -1 before the first."""
+    id: str
+    """This client's, for `give` and for POST /api/reset."""
     you: str
     """This client's name."""
     driving: bool
-    """Whether this client holds the lease."""
+    """Whether this client drives anything."""
+    drives: list[Role]
+    """What it drives."""
+    crew: list[Member]
+    """Everybody who is connected, this client too."""
     error: str | None = None
     """Why a message of this client was refused since the last answer."""

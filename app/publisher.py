@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app import clock
+from app.arbiter import ROLES
 from app.guard import Ask, Guard
 from app.mode import Mode
 from app.physics import Physics
@@ -75,7 +76,8 @@ class Publisher:
         snapshot["qpos"] = self._physics.plant.data.qpos
         snapshot["base"] = base(state)
         applied = tick.applied.wrists
-        asks = guard.mode == Mode.ENGAGED
+        snapshot["modes"], snapshot["reasons"] = guard.modes, guard.reasons
+        asks = guard.modes[ROLES.index("arms")] == Mode.ENGAGED
         snapshot["target"] = np.where(asks & tick.ask.given[:, None], guard.asked.wrists, applied)
         snapshot["reachable"], snapshot["limited_by"] = tick.trace.reached.reachable, tick.trace.reached.reasons
         snapshot["actual"] = self._physics.wrists()

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 
-from fastapi import APIRouter, FastAPI, Request, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, FastAPI, HTTPException, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import JSONResponse
 from fastapi_offline import FastAPIOffline
 from pydantic import ValidationError
@@ -72,16 +72,23 @@ def _control(health: Callable[[], Health], operators: Operators, reset: Callable
         """Stop walking and stand; anyone may. Only a fresh press of Engage goes on."""
         operators.stop()
 
-    @router.post("/reset")
-    def reset_robot() -> None:
-        """Put the robot back home, standing and STOPPED; clears a fault."""
+    @router.post("/reset", responses={409: {"description": "Somebody else drives."}})
+    def reset_robot(client: str | None = None) -> None:
+        """Put the robot back home, standing and STOPPED; clears a fault.
+
+        It moves the robot at once, so while the robot follows somebody only a driver may (`client`: the id in its answers).
+        Anybody else stops it first, which anyone may, or takes over: what a driver holds in hand never jumps for a stranger.
+        """
+        following = {part.driver for part in vars(health().roles).values() if part.driver and part.state == "ENGAGED"}
+        if following and client not in {driver.key for driver in operators.drivers.values() if driver}:
+            raise HTTPException(409, f"the robot follows {' and '.join(following)}; stop it first (POST /api/stop), then reset")
         reset()
 
     @router.websocket("/operator")
     async def operator(socket: WebSocket) -> None:
         """OperatorMessage in, Answer out; see app.protocol."""
         await socket.accept()
-        if operators.count >= CLIENTS:
+        if len(operators.clients) >= CLIENTS:
             await socket.close(FULL, f"{CLIENTS} clients are connected already")
             return
         client = operators.join()
@@ -161,8 +168,20 @@ def _parse(text: str | None) -> OperatorMessage:
 async def _answer(socket: WebSocket, client: Client, operators: Operators, health: Callable[[], Health]) -> None:
     """Tell the newest state; who does not read misses what was in between."""
     while True:
-        driving = operators.driver is client
         error, client.error = client.error, None
-        answer = Answer(**dict(health()), seq=client.seq, you=client.name, driving=driving, error=error)
+        crew = _crew(operators)
+        drives = next(member.drives for member in crew if member.id == client.key)
+        own = {"seq": client.seq, "id": client.key, "you": client.name, "driving": bool(drives), "drives": drives, "error": error}
+        answer = Answer(**dict(health()), **own, crew=crew)
         await asyncio.wait_for(socket.send_text(answer.model_dump_json()), BLOCKED)
         await asyncio.sleep(ANSWER_PERIOD)
+
+
+def _crew(operators: Operators) -> list[Member]:
+    """Everybody who is connected."""
+    drivers, crew = operators.drivers, []
+    for client in operators.clients:
+        drives = [role for role, driver in drivers.items() if driver is client]
+        asks = [role for role in client.roles if client.asks and drivers[role] not in (client, None)]
+        crew.append(Member(id=client.key, name=client.name, drives=drives, asks=asks))
+    return crew

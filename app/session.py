@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from fastapi import FastAPI
 
-from app import episodes
+from app import episodes, invite
 from app.config import Serve
 from app.factory import Factory
 from app.inputs.operator import Operators

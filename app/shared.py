@@ -18,11 +18,12 @@ from policies import command
 
 COMMAND = np.dtype(
     [
-        ("stamp", "<i8"),  # time.monotonic_ns at which the operator's newest message arrived; 0: nobody drives
-        ("vector", "<f8", (command.SIZE,)),  # Command.vector, merged from all of the driver's devices
-        ("given", "u1", (2,)),  # 1: the driver has set this wrist since taking the lease (left, right)
-        ("driver", "<u4"),  # counts leases: a new number is a new driver; 0: nobody yet
-        ("presses", "<u4"),  # counts fresh presses of Engage
+        ("stamp", "<i8", (2,)),  # a role (app.arbiter.ROLES): time.monotonic_ns of its driver's newest message; 0: nobody drives
+        ("engage", "u1", (2,)),  # a role: 1 while its driver holds Engage
+        ("driver", "<u4", (2,)),  # a role: counts leases; a new number is a new driver; 0: nobody yet
+        ("presses", "<u4", (2,)),  # a role: counts fresh presses of Engage
+        ("vector", "<f8", (command.SIZE,)),  # Command.vector, merged from all drivers
+        ("given", "u1", (2,)),  # 1: the driver of the arms has set this wrist since pressing Engage (left, right)
         ("stops", "<u4"),  # counts presses of Stop
         ("resets", "<u4"),  # counts presses of Reset
     ]
@@ -54,6 +55,8 @@ def snapshot_dtype(nq: int) -> np.dtype:
             ("rejected", "<u8"),  # commands that the guard refused, since its start
             ("mode", "u1"),
             ("reason", "u1"),
+            ("modes", "u1", (2,)),  # a role (app.arbiter.ROLES)
+            ("reasons", "u1", (2,)),
             ("upright", "u1"),
             ("jump", "u1"),  # 1: the state was set from outside before this tick
         ]

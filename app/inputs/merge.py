@@ -1,4 +1,4 @@
-"""One driver's command, put together from messages that need not be complete."""
+"""One driver's part of the command, put together from messages that need not be complete."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from app.arbiter import Role
 from app.protocol import OperatorMessage, Pose
 from policies.command import Command
 
 
 @dataclass(frozen=True)
 class Merged:
-    """Of every field the newest value counts, from the last press of Engage on."""
+    """Of every field of a role the newest value counts, from the last press of Engage on."""
 
+    role: Role
     command: Command = field(default_factory=Command)
+    """Only the role's fields of it count, and `engage`."""
     given: tuple[bool, bool] = (False, False)
     """Which wrists were set since the last press, left and right."""
     presses: int = 0
@@ -28,19 +31,31 @@ class Merged:
         """What the message says on top. A press starts from `applied`, what the robot does now."""
         base = self
         if message.engage and not self.command.engage:
-            base = Merged(applied.still(), presses=self.presses + 1)
-        command = replace(base.command, **_fields(message, base.command))
-        given = message.wrists and (message.wrists.left is not None, message.wrists.right is not None)
+            base = Merged(self.role, applied.still(), presses=self.presses + 1)
+        fields = _arms(message, base.command) if self.role == "arms" else _legs(message)
+        if message.engage is not None:
+            fields["engage"] = message.engage
+        given = self.role == "arms" and message.wrists and (message.wrists.left is not None, message.wrists.right is not None)
         left, right = given or (False, False)
-        return replace(base, command=command, given=(base.given[0] or left, base.given[1] or right))
+        return replace(base, command=replace(base.command, **fields), given=(base.given[0] or left, base.given[1] or right))
 
 
-def _fields(message: OperatorMessage, before: Command) -> dict:
-    """The fields of a Command that a message sets."""
-    names = ("engage", "height", "roll", "pitch", "waist")
-    fields: dict = {name: value for name in names if (value := getattr(message, name)) is not None}
+def combined(arms: Command, legs: Command) -> Command:
+    """The whole robot's command from what its drivers ask."""
+    return replace(arms, engage=arms.engage or legs.engage, twist=legs.twist, height=legs.height, roll=legs.roll, pitch=legs.pitch)
+
+
+def _legs(message: OperatorMessage) -> dict:
+    """The legs' fields of a Command that a message sets."""
+    fields: dict = {name: value for name in ("height", "roll", "pitch") if (value := getattr(message, name)) is not None}
     if message.twist:
         fields["twist"] = np.array([message.twist.vx, message.twist.vy, message.twist.yaw_rate])
+    return fields
+
+
+def _arms(message: OperatorMessage, before: Command) -> dict:
+    """The arms' fields of a Command that a message sets."""
+    fields: dict = {} if message.waist is None else {"waist": message.waist}
     if message.neck:
         fields["neck"] = np.array([message.neck.yaw, message.neck.pitch])
     if message.wrists:

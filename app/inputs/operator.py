@@ -1,17 +1,17 @@
-"""Everybody who is connected, who of them drives, and the command that the robot is asked to follow."""
+"""Everybody who is connected, who of them drives what, and the command that the robot is asked to follow."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from app import clock
-from app.arbiter import Lease
+from app.arbiter import ROLES, Lease, Role
 from app.guard import sane
-from app.inputs.merge import Merged
+from app.inputs.merge import Merged, combined
 from app.protocol import OperatorMessage
 from app.shared import COMMAND, Ring
 from policies.command import Command
@@ -19,27 +19,58 @@ from policies.command import Command
 
 @dataclass(eq=False)
 class Client:
-    """One open operator socket."""
+    """One open operator socket, or a source of this program."""
 
     key: str
     name: str
     """What others see."""
     seq: int = -1
     """Of the newest message."""
+    roles: tuple[Role, ...] = ROLES
+    """What it drives, or would."""
+    asks: bool = False
+    """It would like what others drive of that."""
+    engage: bool = False
+    """Its Engage is held."""
     error: str | None = None
     """Why a message was refused; nobody told the client yet."""
 
+    def says(self, message: OperatorMessage) -> None:
+        """Keep what the message says about the client itself."""
+        self.seq, self.name, self.asks = message.seq, message.name or self.name, message.ask
+        self.roles = self.roles if message.roles is None else tuple(message.roles)
+        self.engage = self.engage if message.engage is None else message.engage
+
+
+@dataclass
+class Seat:
+    """A role: whose it is, and the newest that they ask of it."""
+
+    merged: Merged
+    lease: Lease = field(default_factory=Lease)
+    stamp: int = 0
+    """When the driver's newest message arrived, monotonic [ns]; 0: nobody drives."""
+
+    def hand_over(self, engaged: bool = False) -> None:
+        """Another driver begins, whose Engage may be held already."""
+        self.merged = self.merged.handed_over(engaged)
+
+    def vacate(self) -> None:
+        """Nobody drives any more."""
+        self.hand_over()
+        self.stamp = 0
+
 
 class Operators:
-    """The clients, the lease, and the only writer of the command ring. Safe to call from several threads."""
+    """The clients, a lease for each role, and the only writer of the command ring. Safe to call from several threads."""
 
     def __init__(self, commands: Ring, applied: Callable[[], Command]) -> None:
         """`applied` tells what the robot does now."""
         self._commands, self._applied = commands, applied
         self._lock = threading.Lock()
-        self._lease, self._merged = Lease(), Merged()
+        self._seats = {role: Seat(Merged(role)) for role in ROLES}
         self._clients: dict[str, Client] = {}
-        self._joined = self._stops = self._resets = self._stamp = 0
+        self._joined = self._stops = self._resets = 0
         self.rejected = 0
         """Messages that were refused, or a part of them."""
 
@@ -52,25 +83,26 @@ class Operators:
             return client
 
     def leave(self, client: Client) -> None:
-        """A socket closed. If it drove, the robot holds at once."""
+        """A socket closed. What it drove holds at once."""
         with self._lock:
             del self._clients[client.key]
-            if self._lease.leave(client.key):
-                self._stamp = 0
-                self._write(self._merged.handed_over())
+            if self._leave(client, ROLES):
+                self._write()
 
     def hear(self, client: Client, message: OperatorMessage) -> None:
-        """A message arrived: a sign of life, and from the driver a command."""
+        """A message arrived: a sign of life, and from a driver a command."""
         stamp = clock.nanoseconds()
         with self._lock:
-            client.seq, client.name = message.seq, message.name or client.name
-            before = self._lease.number
-            if not self._lease.hear(client.key, stamp * 1e-9, wants=message.drives, takes=message.take):
-                return
-            merged = self._merged
-            if self._lease.number != before:
-                merged = merged.handed_over(engaged=message.take and bool(message.engage))
-            self._take(client, merged, message, stamp)
+            held = client.engage
+            client.says(message)
+            changed = self._expire(stamp * 1e-9) | self._leave(client, tuple(role for role in ROLES if role not in client.roles))
+            driven = [role for role in client.roles if self._drives(role, client, message, stamp * 1e-9, held)]
+            if message.give and (given := self._give(client, driven, message.give, stamp)):
+                driven, changed = [role for role in driven if role not in given], True
+            if changed:
+                self._write()
+            if driven:
+                self._take(client, driven, message, stamp)
 
     def refuse(self, client: Client, why: str) -> None:
         """A message was not what app.protocol says: no sign of life, and the client is told."""
@@ -81,47 +113,93 @@ class Operators:
         """Anybody pressed Stop."""
         with self._lock:
             self._stops += 1
-            self._write(self._merged)
+            self._write()
 
     def reset(self) -> None:
-        """Anybody pressed Reset."""
+        """Somebody who may pressed Reset."""
         with self._lock:
             self._resets += 1
-            self._write(self._merged)
+            self._write()
 
     @property
-    def driver(self) -> Client | None:
-        """Who holds the lease."""
+    def drivers(self) -> dict[Role, Client | None]:
+        """Who holds the lease of each role."""
         with self._lock:
-            self._lease.expire(clock.now())
-            return self._clients.get(self._lease.holder or "")
+            if self._expire(clock.now()):
+                self._write()
+            return {role: self._clients.get(seat.lease.holder or "") for role, seat in self._seats.items()}
 
     @property
-    def count(self) -> int:
-        """Open sockets."""
-        return len(self._clients)
+    def clients(self) -> list[Client]:
+        """Everybody who is connected, in the order in which they came."""
+        with self._lock:
+            return list(self._clients.values())
 
-    def _take(self, client: Client, merged: Merged, message: OperatorMessage, stamp: int) -> None:
+    def _drives(self, role: Role, client: Client, message: OperatorMessage, now: float, held: bool) -> bool:
+        """Whether the message's client drives the role from here on. An Engage that was held before is no fresh press."""
+        seat = self._seats[role]
+        number = seat.lease.number
+        drives = seat.lease.hear(client.key, now, wants=message.drives, takes=message.take)
+        if seat.lease.number != number:
+            seat.hand_over(engaged=held or (message.take and client.engage))
+        return drives
+
+    def _give(self, client: Client, driven: list[Role], key: str, stamp: int) -> list[Role]:
+        """Hand what the client drives and another one wants to that one. Returns what was given."""
+        other = self._clients.get(key)
+        given = [role for role in driven if other and other is not client and role in other.roles]
+        for seat in (self._seats[role] for role in given):
+            seat.lease.give(key, stamp * 1e-9)
+            seat.hand_over(bool(other and other.engage))
+            seat.stamp = stamp
+        return given
+
+    def _leave(self, client: Client, roles: tuple[Role, ...]) -> bool:
+        """Free these roles if the client has them. Returns whether it had one."""
+        left = [self._seats[role] for role in roles if self._seats[role].lease.leave(client.key)]
+        for seat in left:
+            seat.vacate()
+        return bool(left)
+
+    def _expire(self, now: float) -> bool:
+        """Free the roles of drivers who fell silent. Returns whether there was one."""
+        expired = [seat for seat in self._seats.values() if seat.lease.expire(now)]
+        for seat in expired:
+            seat.vacate()
+        return bool(expired)
+
+    def _take(self, client: Client, driven: list[Role], message: OperatorMessage, stamp: int) -> None:
         """Write what the driver says; a wrist that is out of bounds keeps its last good target."""
-        applied = self._applied()
-        new = merged.with_message(message, applied)
-        if message.wrists and not sane(new.command.vector()):
+        new = self._heard(driven, message)
+        if message.wrists and not sane(_command(new).vector()):
             self._refuse(client, "a wrist is out of bounds")
-            new = merged.with_message(message.model_copy(update={"wrists": None}), applied)
-        if not sane(new.command.vector()):
+            new = self._heard(driven, message.model_copy(update={"wrists": None}))
+        if not sane(_command(new).vector()):
             self._refuse(client, "a number is out of bounds")
             return
-        self._stamp = stamp
-        self._write(new)
+        for role in driven:
+            self._seats[role].merged, self._seats[role].stamp = new[role], stamp
+        self._write()
+
+    def _heard(self, driven: list[Role], message: OperatorMessage) -> dict[Role, Merged]:
+        """Everybody's part, with the message in those that its client drives."""
+        applied, parts = self._applied(), {role: seat.merged for role, seat in self._seats.items()}
+        return parts | {role: parts[role].with_message(message, applied) for role in driven}
 
     def _refuse(self, client: Client, why: str) -> None:
         client.error = why
         self.rejected += 1
 
-    def _write(self, merged: Merged) -> None:
-        self._merged = merged
-        record = np.zeros((), COMMAND)
-        record["stamp"], record["vector"], record["given"] = self._stamp, merged.command.vector(), merged.given
-        record["driver"], record["presses"] = self._lease.number, merged.presses
+    def _write(self) -> None:
+        seats, record = self._seats.values(), np.zeros((), COMMAND)
+        parts = {role: seat.merged for role, seat in self._seats.items()}
+        record["stamp"], record["driver"] = [seat.stamp for seat in seats], [seat.lease.number for seat in seats]
+        record["engage"] = [part.command.engage for part in parts.values()]
+        record["presses"] = [part.presses for part in parts.values()]
+        record["vector"], record["given"] = _command(parts).vector(), parts["arms"].given
         record["stops"], record["resets"] = self._stops, self._resets
         self._commands.push(record)
+
+
+def _command(parts: dict[Role, Merged]) -> Command:
+    return combined(parts["arms"].command, parts["legs"].command)

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from app import clock
-from app.inputs.operator import Operators
+from app.arbiter import Role
+from app.inputs.operator import Client, Operators
 from app.mode import Mode, Reason
-from app.protocol import Applied, Base, BothWrists, Health, Latency, Percentiles, Pose, Wrist
+from app.protocol import Applied, Base, BothWrists, Health, Latency, Part, Parts, Percentiles, Pose, Wrist
 from app.shared import Ring
 from app.simulation import Simulation
 from policies.command import Command
@@ -50,13 +51,12 @@ class Telemetry:
     def health(self, recording: str | None = None, recording_alarm: str | None = None) -> Health:
         """The record of this moment. `recording` is the episode being recorded, `recording_alarm` what is wrong with its disk."""
         snapshot, lost = self._simulation.snapshot(), self._simulation.lost
-        mode, reason = Mode(snapshot["mode"]), Reason(snapshot["reason"])
-        if lost:
-            mode, reason = Mode.FAULT, Reason.SIMULATION_LOST
-        driver, timing = self._operators.driver, self._timing()
+        mode, reason = (Mode.FAULT, Reason.SIMULATION_LOST) if lost else (Mode(snapshot["mode"]), Reason(snapshot["reason"]))
+        drivers, timing = self._operators.drivers, self._timing()
         return Health(
             state=mode.name,
             reason=reason.sentence,
+            roles=_parts(snapshot, drivers, lost),
             robot=self._names.robot,
             policy=self._names.policy,
             time=float(snapshot["time"]),
@@ -71,8 +71,8 @@ class Telemetry:
             base=Base(**dict(zip(Base.model_fields, snapshot["base"].tolist(), strict=True))),
             command=_applied(Command.from_vector(snapshot["applied"])),
             wrists=BothWrists(left=_wrist(snapshot, 0), right=_wrist(snapshot, 1)),
-            driver=driver.name if driver else None,
-            clients=self._operators.count,
+            driver=" and ".join(dict.fromkeys(driver.name for driver in drivers.values() if driver)) or None,
+            clients=len(self._operators.clients),
             rejected=self._operators.rejected + int(snapshot["rejected"]),
             recording=recording,
             recording_alarm=recording_alarm,
@@ -83,6 +83,14 @@ class Telemetry:
         if self._statistics is None or clock.now() - self._measured > STATISTICS_PERIOD:
             self._statistics, self._measured = _measure(self._simulation.exchange.snapshots, self._names.policy_rate), clock.now()
         return self._statistics
+
+
+def _parts(snapshot: np.void, drivers: dict[Role, Client | None], lost: bool) -> Parts:
+    parts = {}
+    for i, (role, driver) in enumerate(drivers.items()):
+        mode, reason = (Mode.FAULT, Reason.SIMULATION_LOST) if lost else (Mode(snapshot["modes"][i]), Reason(snapshot["reasons"][i]))
+        parts[role] = Part(driver=driver.name if driver else None, state=mode.name, reason=reason.sentence)
+    return Parts(**parts)
 
 
 def _measure(snapshots: Ring, policy_rate: float) -> Timing:

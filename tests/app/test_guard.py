@@ -16,6 +16,7 @@ from policies.command import SIZE, Command
 from robots.state import State
 
 DT = 0.02
+ARMS, LEGS, BOTH = slice(0, 1), slice(1, 2), slice(0, 2)
 HOME = Command(wrists=np.array([[0.25, 0.28, 0, 1, 0, 0, 0], [0.25, -0.28, 0, 1, 0, 0, 0]], dtype=float))
 
 
@@ -36,14 +37,22 @@ class Bench:
     def __init__(self) -> None:
         self.guard, self.ask, self.now = Guard(HOME, 1.0, DT), SILENT, 100.0
 
-    def say(self, command: Command | np.ndarray, **counters: int) -> None:
-        """A message arrives now."""
+    def say(self, command: Command | np.ndarray, roles: slice = BOTH, **counters: int | np.ndarray) -> None:
+        """A message of the driver of these roles arrives now; its first number tells Engage."""
         vector = command if isinstance(command, np.ndarray) else command.vector()
-        self.ask = replace(self.ask, serial=self.ask.serial + 1, stamp=self.now, vector=vector, **counters)
+        stamps, engage = self.ask.stamps.copy(), self.ask.engage.copy()
+        stamps[roles], engage[roles] = self.now, bool(vector[0] > 0.5)
+        self.ask = replace(self.ask, serial=self.ask.serial + 1, vector=vector, stamps=stamps, engage=engage, **counters)
 
-    def press(self, command: Command = HOME) -> None:
+    def press(self, command: Command = HOME, roles: slice = BOTH) -> None:
         """Engage is pressed."""
-        self.say(replace(command, engage=True), presses=self.ask.presses + 1)
+        self.say(replace(command, engage=True), roles, presses=self.pressed(roles))
+
+    def pressed(self, roles: slice = BOTH) -> np.ndarray:
+        """The counters after one more press."""
+        presses = self.ask.presses.copy()
+        presses[roles] += 1
+        return presses
 
     def tick(self, state: State | None = None, ticks: int = 1):
         for _ in range(ticks):
@@ -51,10 +60,10 @@ class Bench:
             ruled = self.guard.step(self.now, self.ask, state or standing())
         return ruled
 
-    def drive(self, seconds: float, **fields) -> Command:
+    def drive(self, seconds: float, roles: slice = BOTH, **fields) -> Command:
         """Message after message with these fields, one a tick; returns what the robot follows at the end."""
         for _ in range(round(seconds / DT)):
-            self.say(replace(Command.from_vector(self.ask.vector), engage=True, **fields))
+            self.say(replace(Command.from_vector(self.ask.vector), engage=True, **fields), roles)
             ruled = self.tick()
         return ruled.command
 
@@ -87,7 +96,7 @@ def test_an_engage_that_is_merely_held_does_not_engage(bench: Bench) -> None:
 
 
 def test_a_press_before_the_guard_existed_is_not_fresh() -> None:
-    old = replace(SILENT, serial=4, presses=7, stamp=100.0, vector=replace(HOME, engage=True).vector())
+    old = replace(SILENT, serial=4, presses=np.array([7, 7]), stamps=np.full(2, 100.0), engage=np.ones(2, dtype=bool))
     guard = Guard(HOME, 1.0, DT, old)
     assert guard.step(100.0, old, standing()).mode == Mode.STOPPED
 
@@ -133,7 +142,7 @@ def test_release_holds_at_once_and_wrists_stay(engaged: Bench) -> None:
 
 
 def test_another_driver_passes_through_hold(engaged: Bench) -> None:
-    engaged.say(replace(HOME, engage=True), driver=2, presses=engaged.ask.presses + 1)
+    engaged.say(replace(HOME, engage=True), driver=np.array([2, 2]), presses=engaged.pressed())
     assert engaged.tick().reason == Reason.TAKEN_OVER
     assert engaged.tick(ticks=3).mode == Mode.HOLD
     engaged.press()
@@ -141,7 +150,7 @@ def test_another_driver_passes_through_hold(engaged: Bench) -> None:
 
 
 def test_stop_beats_a_press_in_the_same_tick(engaged: Bench) -> None:
-    engaged.say(replace(HOME, engage=True), stops=1, presses=engaged.ask.presses + 1)
+    engaged.say(replace(HOME, engage=True), stops=1, presses=engaged.pressed())
     assert engaged.tick().mode == Mode.STOPPED
     assert engaged.tick(ticks=5).reason == Reason.STOP_PRESSED
 
@@ -202,6 +211,44 @@ def test_a_turn_of_more_than_60_degrees_lets_go_and_a_fresh_press_takes_hold_aga
     np.testing.assert_allclose(np.abs(engaged.drive(0.6, wrists=turned).wrists[1, 3:]), np.abs(turned[1, 3:]), atol=1e-9)
 
 
+def test_the_legs_stop_when_their_driver_is_lost_and_the_arms_go_on(engaged: Bench) -> None:
+    engaged.drive(0.5, twist=np.array([0.5, 0, 0]))
+    wanted = shifted(0.1, 0, 0.1)
+    command = engaged.drive(0.5, ARMS, wrists=wanted)
+    assert engaged.guard.modes == [Mode.ENGAGED, Mode.HOLD]
+    assert (engaged.guard.mode, engaged.guard.reason) == (Mode.HOLD, Reason.SILENT), "the most severe is told"
+    assert not command.twist.any()
+    np.testing.assert_allclose(command.wrists, wanted, atol=1e-9)
+
+
+def test_the_arms_hold_when_their_driver_lets_go_and_the_legs_walk_on(engaged: Bench) -> None:
+    before = engaged.drive(0.5, twist=np.array([0.5, 0, 0]), wrists=shifted(0.05, 0, 0)).wrists
+    engaged.say(replace(HOME, engage=False, twist=np.array([0.5, 0, 0]), wrists=shifted(0.2, 0, 0)), ARMS)
+    command = engaged.drive(0.5, LEGS)
+    assert engaged.guard.modes == [Mode.HOLD, Mode.ENGAGED]
+    np.testing.assert_array_equal(command.wrists, before)
+    np.testing.assert_allclose(command.twist, [0.5, 0, 0])
+
+
+def test_taking_the_legs_holds_the_legs_only(engaged: Bench) -> None:
+    engaged.drive(0.5, twist=np.array([0.5, 0, 0]))
+    engaged.say(replace(HOME, engage=True), driver=np.array([0, 1]))
+    engaged.tick()
+    assert engaged.guard.modes == [Mode.ENGAGED, Mode.HOLD]
+    assert engaged.guard.reason == Reason.TAKEN_OVER
+    engaged.press(roles=LEGS)
+    assert engaged.tick().mode == Mode.ENGAGED
+
+
+def test_a_role_that_nobody_drives_does_not_count(bench: Bench) -> None:
+    bench.press(roles=LEGS)
+    assert bench.tick().mode == Mode.ENGAGED
+    assert bench.guard.modes == [Mode.HOLD, Mode.ENGAGED]
+    bench.ask = replace(bench.ask, stops=1)
+    assert bench.tick().mode == Mode.STOPPED
+    assert bench.guard.modes == [Mode.STOPPED] * 2
+
+
 BAD = {
     "nan": (2, np.nan),
     "infinite": (8, np.inf),
@@ -251,7 +298,7 @@ def test_whatever_arrives_the_robot_follows_finite_commands_within_speed_limits_
     before, faulted = bench.tick().command, False
     bench.ask = replace(bench.ask, given=np.ones(2, dtype=bool))
     for vector, ticks, press, tilt in script:
-        bench.say(vector, presses=bench.ask.presses + press)
+        bench.say(vector, presses=bench.pressed() if press else bench.ask.presses)
         for _ in range(ticks):
             ruled = bench.tick(standing(tilt))
             _check_step(before, ruled.command)

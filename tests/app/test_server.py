@@ -197,6 +197,47 @@ def test_a_second_operator_watches_until_it_takes_over_and_the_robot_holds_betwe
         second.close()
 
 
+def test_two_drive_a_role_each_and_a_third_watches(site: Site) -> None:
+    arms, legs = (
+        Driver(site, name="Ada", roles=["arms"], engage=True),
+        Driver(site, name="Bo", roles=["legs"], engage=True, twist={"vx": 0.5}),
+    )
+    try:
+        with site.operator() as watcher:
+            eventually(lambda: {part["state"] for part in site.health()["roles"].values()} == {"ENGAGED"})
+            health = json.loads(watcher.recv(timeout=10))
+        assert {role: part["driver"] for role, part in health["roles"].items()} == {"arms": "Ada", "legs": "Bo"}
+        assert [(member["name"], member["drives"]) for member in health["crew"][:2]] == [("Ada", ["arms"]), ("Bo", ["legs"])]
+        assert (health["driver"], health["drives"], health["clients"]) == ("Ada and Bo", [], 3)
+        legs.fall_silent()
+        eventually(lambda: site.health()["command"]["vx"] == 0)
+        eventually(lambda: arms.newest["state"] == "HOLD" and arms.newest["roles"]["arms"]["state"] == "ENGAGED")
+    finally:
+        arms.close()
+        legs.close()
+
+
+def test_who_asks_for_a_role_is_shown_to_its_driver_and_given_it(driver: Driver, site: Site) -> None:
+    second = Driver(site, roles=["legs"], ask=True, engage=False)
+    try:
+        eventually(lambda: any(member["asks"] == ["legs"] for member in driver.newest["crew"]))
+        (asks,) = (member for member in driver.newest["crew"] if member["asks"])
+        driver.fields |= {"give": asks["id"]}
+        eventually(lambda: second.newest["drives"] == ["legs"] and driver.newest["drives"] == ["arms"])
+        assert second.newest["roles"]["legs"]["state"] == "HOLD"
+    finally:
+        second.close()
+
+
+def test_while_the_robot_follows_somebody_only_they_reset_it(driver: Driver, site: Site) -> None:
+    with pytest.raises(urllib.error.HTTPError, match="409") as refused:
+        site.ask("/api/reset", "POST")
+    assert "stop it first" in json.load(refused.value)["detail"]
+    site.ask(f"/api/reset?client={driver.newest['id']}", "POST")
+    eventually(lambda: driver.newest["state"] == "STOPPED")
+    site.ask("/api/reset", "POST")
+
+
 @pytest.mark.parametrize(
     "message",
     ['{"seq":1,"height":NaN}', '{"seq":1,"twist":{"vx":1e999}}', '{"seq":1,"enagge":true}', '{"seq":"1"}', '{"seq":1,"engage":"yes"}'],
