@@ -15,7 +15,7 @@ from app.errors import AppError
 from app.gate import Gate
 from app.inputs.operator import Client, Operators
 from app.limits import LARGEST_MESSAGE, Allowance, SmallBodies, TooMany
-from app.protocol import VERSION, Answer, Health, OperatorMessage
+from app.protocol import VERSION, Answer, Health, Member, OperatorMessage
 
 ANSWER_PERIOD = 0.04
 """Seconds between two answers to a client."""

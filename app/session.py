@@ -66,7 +66,7 @@ class Session:
 
     def app(self) -> FastAPI:
         """The site."""
-        routers = [*self._page.routers, episodes.router(self.episodes)]
+        routers = [*self._page.routers, episodes.router(self.episodes), invite.router()]
         return create_app(self.health, self.operators, self.reset, self._host, routers, self._names, self._token)
 
     def missing(self) -> list[str]:
