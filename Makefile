@@ -37,9 +37,11 @@ bench: .venv/run
 	@touch $@
 
 .venv/test: .venv/run
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev,export]'
 	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt-get update -qq && apt-get install -y -qq chromium >/dev/null; } \
 		|| echo "no chromium: the browser tests will be skipped (apt-get install chromium)"
+	@ldconfig -p 2>/dev/null | grep -q libOSMesa || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && apt-get update -qq && apt-get install -y -qq libosmesa6 >/dev/null; } \
+		|| echo "no libOSMesa: pictures of exports may not be drawn, their tests will be skipped (apt-get install libosmesa6)"
 	@touch $@
 
 clean:

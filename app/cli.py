@@ -6,6 +6,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import tyro
 import uvicorn
@@ -26,6 +27,7 @@ examples:
   teleop episodes                      list what was recorded
   teleop replay recordings/FILE.mcap   simulate it again and compare, bit for bit
   teleop recover recordings            mend what a crash left behind
+  teleop export recordings --format lerobot --cameras head chase
 """
 
 
@@ -84,7 +86,7 @@ def _invitation(config: Serve, address: str, token: str | None) -> str:
 
 def _parse(arguments: list[str]) -> Serve | int:
     """A configuration to serve, or the exit code of another command that ran."""
-    commands = {"serve": Serve, "episodes": _episodes, "replay": _replay, "recover": _recover}
+    commands = {"serve": Serve, "episodes": _episodes, "replay": _replay, "recover": _recover, "export": _export}
     first = arguments[0] if arguments else ""
     if first not in (*commands, "-h", "--help"):
         arguments = ["serve", *arguments]
@@ -113,3 +115,34 @@ def _recover(path: tyro.conf.Positional[Path]) -> int:
         path: a file, or a folder of them.
     """
     return recordings.recover(path)
+
+
+def _export(
+    session: tyro.conf.Positional[tuple[Path, ...]],
+    format: Literal["lerobot", "gr00t", "robomimic", "viser", "csv"],
+    output: Path | None = None,
+    episode: tuple[str, ...] = (),
+    label: tuple[str, ...] = (),
+    only: Literal["success", "failure"] | None = None,
+    cameras: tuple[str, ...] = ("head",),
+    size: str = "320x240",
+    fps: int | None = None,
+) -> int:
+    """Write recorded episodes for training: read back row by row before they get their name.
+
+    Args:
+        session: recordings, or folders of them.
+        format: lerobot (v3.0), gr00t (LeRobot v2.1 with modality.json), robomimic (HDF5), viser (a page an episode) or csv.
+        output: the folder to make; named after the recording otherwise.
+        episode: ids, or numbers within a file; all otherwise.
+        label: task texts.
+        only: episodes marked so.
+        cameras: head, head_left, head_right, wrist_left, wrist_right, chase; or none. Drawn from the recording, which takes time.
+        size: width x height of a picture.
+        fps: rows a second, an even part of the recorded 50.
+    """
+    from app import exporting  # the other commands do without MuJoCo's renderer and the formats
+
+    success = None if only is None else only == "success"
+    look = exporting.look(cameras, size)
+    return exporting.export(list(session), format, output, exporting.Choice(episode, label, success), look, fps)

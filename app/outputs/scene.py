@@ -23,7 +23,7 @@ def build(server: viser.ViserServer, spec: RobotSpec, model: mujoco.MjModel) -> 
     Poses in the scene stay what they are here: every page applies the newest ones itself (web/stage.js), so that a slow or
     hidden page costs nothing and each page has its own view.
     """
-    _surroundings(server)
+    surroundings(server)
     found = geometry.looks(model)
     drawn = sorted({look.body for look in found} | {model.body("pelvis").id})
     for body in drawn:
@@ -34,7 +34,7 @@ def build(server: viser.ViserServer, spec: RobotSpec, model: mujoco.MjModel) -> 
     return describe(model, [model.body(body).name for body in drawn], wrists)
 
 
-def _surroundings(server: viser.ViserServer) -> None:
+def surroundings(server: viser.ViserServer) -> None:
     """Floor and light; the page colours them for its light or dark theme."""
     scene = server.scene
     scene.world_axes.visible = False
