@@ -6,7 +6,8 @@ examples, in order:
   teleop-train prior --clips runs/clips.npz --synthetic runs/synthetic.npz
   teleop-train walk --run runs/walk                                legs; the other trainings need no legs
   teleop-train curves --run runs/walk --out walk.png
-A command that was stopped goes on when it is given again.
+
+A training or a retargeting that was stopped goes on when it is given again.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ from typing import Annotated
 import tyro
 
 from policies.errors import PolicyError
-from policies.motion.errors import MotionError
 from policies.motion.folder import RetargetConfig, retarget
 from policies.motion.synthetic import SyntheticConfig, synthesize
 from policies.ppo.config import WalkConfig
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 print(f"weights: {train(config)}")
             case CurvesConfig():
                 print(draw(config))
-    except (PolicyError, MotionError, RobotError) as error:
+    except (PolicyError, RobotError) as error:
         sys.exit(f"teleop-train: {error}")
     except KeyboardInterrupt:
-        sys.exit("teleop-train: stopped; the same command goes on")
+        sys.exit(130)

@@ -83,6 +83,10 @@ class ClipSet:
         """The clips for which `wanted` holds."""
         return replace(self, clips=tuple(clip for clip in self.clips if wanted(clip)))
 
+    def grounded(self) -> ClipSet:
+        """Without running and jumping, which nobody does with a foot on the ground; ExBody leaves them out too."""
+        return self.where(lambda clip: clip.category not in ("run", "jump"))
+
     def split(self, split: Split) -> ClipSet:
         """The training or the validation clips."""
         return self.where(lambda clip: clip.split == split)

@@ -20,7 +20,9 @@ from policies.motion.labels import Labels, guess, kind, read_index, sources
 from policies.motion.person import Person
 from policies.motion.retarget import CUTOFF, Retargeted, Retargeter
 from policies.motion.skeleton import MissingJoints
+from policies.motion.unfinished import Unfinished
 from robots import catalog
+from robots.catalog import Robot
 
 SHORTEST = 1.0
 """Clips below this are skipped [s]."""
@@ -35,7 +37,12 @@ class NoMotion(MotionError):
 
 @dataclass(frozen=True)
 class RetargetConfig:
-    """Turn human motion into clips for the robot's waist and arms."""
+    """Turn human motion into clips for the robot's waist and arms.
+
+    Example: teleop-train retarget --clips motions/ --out runs/clips.npz
+
+    The same command again goes on where it was stopped.
+    """
 
     clips: Path
     """Folder of .bvh, .bvh.gz, .csv or .csv.gz files, searched with its subfolders; an index CSV in it gives subject and split."""
@@ -71,16 +78,30 @@ def retarget(config: RetargetConfig) -> ClipSet:
     files = sources(config.clips)
     index = read_index(config.clips)
     sides = _calibrate(track(files, "reading skeletons", console=console))
-    worker = Retargeter(robot)
-    outcomes = [_one(path, index, sides, worker, robot.spec.policy_rate) for path in track(files, "retargeting", console=console)]
+    worker, parts = Retargeter(robot), Unfinished(config.out, config.robot)
+    rate = robot.spec.policy_rate
+    outcomes = [_one(path, index, sides, worker, parts, rate) for path in track(files, "retargeting", console=console)]
     outcomes += [Outcome(path, reason="in the index, but there is no such file") for path in index if not path.exists()]
     kept = ClipSet.of(robot.spec, (outcome.clip for outcome in outcomes if outcome.clip), config.about)
     _tell(console, outcomes)
     if not len(kept):
         raise NoMotion(config.clips, "no motion in it could be used")
     kept.save(config.out)
+    parts.done()
     console.print(f"{len(kept)} clips, {kept.seconds / 60:.1f} minutes -> {config.out}")
     return kept
+
+
+def retarget_file(path: Path, robot: Robot) -> Clip:
+    """The clip of one motion file. The side to which elbows bend is seen in this file alone.
+
+    Raises:
+        UnreadableMotion: it is damaged, lacks a joint, is too short or too slow.
+    """
+    outcome = _one(path, {}, _calibrate([path]), Retargeter(robot), None, robot.spec.policy_rate)
+    if outcome.clip is None:
+        raise UnreadableMotion(path, outcome.reason)
+    return outcome.clip
 
 
 def _skeleton(motion: bvh.Bvh) -> tuple:
@@ -101,17 +122,22 @@ def _calibrate(files: Iterable[Path]) -> dict[tuple, np.ndarray]:
     return sides
 
 
-def _one(path: Path, index: dict[Path, Labels], sides: dict[tuple, np.ndarray], worker: Retargeter, rate: float) -> Outcome:
-    labels = index.get(path.resolve()) or guess(path)
-    try:
-        person = _person(path, sides)
-    except (UnreadableMotion, MissingJoints) as error:
-        return Outcome(path, reason=error.reason if isinstance(error, UnreadableMotion) else str(error))
-    if person.frames / person.rate < SHORTEST:
-        return Outcome(path, reason=f"only {person.frames / person.rate:.2f} s long")
-    if person.rate < 3 * CUTOFF:
-        return Outcome(path, reason=f"only {person.rate:.0f} frames a second")
-    made = worker(person)
+def _one(
+    path: Path, index: dict[Path, Labels], sides: dict[tuple, np.ndarray], worker: Retargeter, parts: Unfinished | None, rate: float
+) -> Outcome:
+    labels, made = index.get(path.resolve()) or guess(path), parts and parts.find(path)
+    if made is None:
+        try:
+            person = _person(path, sides)
+        except (UnreadableMotion, MissingJoints) as error:
+            return Outcome(path, reason=error.reason if isinstance(error, UnreadableMotion) else str(error))
+        if person.frames / person.rate < SHORTEST:
+            return Outcome(path, reason=f"only {person.frames / person.rate:.2f} s long")
+        if person.rate < 3 * CUTOFF:
+            return Outcome(path, reason=f"only {person.rate:.0f} frames a second")
+        made = worker(person)
+        if parts:
+            parts.keep(path, made)
     return Outcome(path, Clip(rate=rate, q=made.q, twist=made.twist, height=made.height, **vars(labels)), made)
 
 

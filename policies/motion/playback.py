@@ -32,6 +32,7 @@ class Playback:
         """Whether alpha follows the paper's rule; without the curriculum it stays."""
         self._q = np.concatenate([clip.q for clip in clips.clips])
         self._twist = np.concatenate([clip.twist for clip in clips.clips])
+        self._height = np.concatenate([clip.height for clip in clips.clips])
         self._length = np.array([len(clip.q) for clip in clips.clips])
         self._start = np.cumsum(self._length) - self._length
         zeros = lambda *shape: np.zeros((count, *shape))  # noqa: E731
@@ -66,6 +67,10 @@ class Playback:
     def twist(self) -> np.ndarray:
         """How the person moved over the ground: forward and leftward velocity [m/s], yaw rate [rad/s] [count, 3]."""
         return self._twist[self._first + self._age]
+
+    def height(self) -> np.ndarray:
+        """The person's pelvis height at the robot's size [count], m."""
+        return self._height[self._first + self._age]
 
     def _played(self, age: np.ndarray) -> np.ndarray:
         return self.home + self.amplitude[:, None] * (self._q[self._first + age] - self.home)

@@ -64,7 +64,10 @@ CUTOFF = 10.0
 
 @dataclass(frozen=True)
 class SyntheticConfig:
-    """Make up clips of teleoperation for the robot's waist and arms."""
+    """Make up clips of teleoperation for the robot's waist and arms.
+
+    Example: teleop-train synthetic --minutes 20 --out runs/synthetic.npz
+    """
 
     out: Path = Path("runs/synthetic.npz")
     """File to write."""

@@ -29,7 +29,7 @@ _HALF = math.sqrt(0.5)
 class Shape:
     """Sizes of the networks; kept in the card of the weights."""
 
-    past_curves: int = 14
+    past_curves: int = 16
     """Basis curves for M0."""
     future_curves: int = 12
     """Basis curves for M1."""
@@ -129,9 +129,10 @@ class PriorModel(nn.Module):
 
     def see(self, history: Tensor) -> Tensor:
         """What the networks know of M0: its last pose, then its curves [.., 1 + curves, 15 channels]."""
-        history = self.parity(history)
         last = history[..., -1:, :]
-        return torch.cat([(last - self.pose_mean) / self.pose_scale, self.past(history - last)], -2)
+        # parity acts on channels and the basis on time: taken after the basis it has 15 rows to turn instead of 50
+        rows = self.parity(torch.cat([last, self.past.basis @ (history - last)], -2))
+        return torch.cat([(rows[..., :1, :] - self.pose_mean) / self.pose_scale, rows[..., 1:, :] / self.past.scale], -2)
 
     def prior(self, seen: Tensor) -> Gaussian:
         """R(z | M0)."""

@@ -17,6 +17,7 @@ from torch import Tensor
 from policies import checkpoint
 from policies.commit import commit
 from policies.motion.clip import ClipSet
+from policies.prior.errors import NoClips, OtherTraining
 from policies.prior.evaluate import judge
 from policies.prior.model import WINDOW, PriorModel, Shape
 from policies.prior.prior import KIND
@@ -30,6 +31,9 @@ SPREAD = 0.2
 against a nat of KL."""
 SOFT = 0.2
 """Errors well below this count by their square [rad]."""
+
+FREE = ("clips", "synthetic", "run", "steps", "torch_threads", "save_minutes", "judge_every")
+"""What of a configuration may change when a training is resumed; files may have moved."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class PriorConfig:
     """Train the motion prior on retargeted clips.
 
     Example: teleop-train prior --clips runs/clips.npz --synthetic runs/synthetic.npz --run runs/prior
+
     The same command again resumes from the last checkpoint.
     """
 
@@ -64,13 +69,13 @@ class PriorConfig:
     """Folder of checkpoint, curve and a copy of this configuration."""
     robot: str = "h1"
     """Name in the catalog."""
-    steps: int = 12_000
+    steps: int = 6_000
     """Batches to train for, over all resumptions."""
-    batch: int = 384
+    batch: int = 256
     """Windows a batch."""
     synthetic_share: float = 0.25
     """Share of synthetic windows in a batch when there are both kinds."""
-    learning_rate: float = 1.5e-3
+    learning_rate: float = 2e-3
     """Highest rate of AdamW; falls to a hundredth along a cosine."""
     weight_decay: float = 0.02
     """Of AdamW."""
@@ -80,7 +85,7 @@ class PriorConfig:
     """Threads of the learner."""
     save_minutes: float = 2.0
     """Time between checkpoints."""
-    judge_every: int = 1_000
+    judge_every: int = 500
     """Batches between two looks at the validation clips."""
     shape: Shape = field(default_factory=Shape)
     """Sizes of the networks."""
@@ -95,7 +100,8 @@ def train(config: PriorConfig) -> Path:
 
     Raises:
         UnusableClips: a clip store is missing, damaged or of another robot.
-        ValueError: neither clips nor synthetic clips were given.
+        NoClips: neither clips nor synthetic clips were given, or a split of them is empty.
+        OtherTraining: the run's folder holds a training with another configuration.
     """
     torch.manual_seed(config.seed)
     torch.set_num_threads(config.torch_threads)
@@ -105,14 +111,17 @@ def train(config: PriorConfig) -> Path:
     saved = time.monotonic()
     with Progress(*columns) as bar:
         task = bar.add_task("prior", total=config.steps, completed=trainer.step)
-        while trainer.step < config.steps:
-            losses = trainer.iterate()
-            bar.update(task, completed=trainer.step)
-            if trainer.step % config.judge_every == 0 or trainer.step == config.steps:
-                bar.update(task, description=trainer.note(losses))
-            if time.monotonic() - saved > 60 * config.save_minutes:
-                trainer.save()
-                saved = time.monotonic()
+        try:
+            while trainer.step < config.steps:
+                losses = trainer.iterate()
+                bar.update(task, completed=trainer.step)
+                if trainer.step % config.judge_every == 0 or trainer.step == config.steps:
+                    bar.update(task, description=trainer.note(losses))
+                if time.monotonic() - saved > 60 * config.save_minutes:
+                    trainer.save()
+                    saved = time.monotonic()
+        except KeyboardInterrupt:
+            bar.console.print(f"stopped at {trainer.step} batches; the same command goes on")
     trainer.save()
     return trainer.export()
 
@@ -126,7 +135,7 @@ class Trainer:
         home = self._spec.home[self._spec.group("waist", "arms")]
         stores = [ClipSet.load(path, self._spec) for path in (config.clips, config.synthetic) if path is not None]
         if not stores:
-            raise ValueError("give --clips FILE (from `teleop-train retarget`), --synthetic FILE (from `teleop-train synthetic`) or both")
+            raise NoClips("there are no clips to learn from")
         share = config.synthetic_share
         self._sources = [Windows(store.split("train"), home) for store in stores]
         self._counts = [config.batch] if len(stores) == 1 else [config.batch - round(share * config.batch), round(share * config.batch)]
@@ -140,13 +149,14 @@ class Trainer:
         config, path = self.config, self.config.run / "checkpoint.pt"
         config.run.mkdir(parents=True, exist_ok=True)
         if path.exists():
+            self._compare()
             state = torch.load(path, weights_only=True)
             self.model.load_state_dict(state["model"])
             self._optimiser.load_state_dict(state["optimiser"])
             torch.set_rng_state(state["random"])
             self.step = int(state["step"])
             return
-        (config.run / "config.json").write_text(json.dumps(asdict(config) | {"commit": commit()}, default=str, indent=1) + "\n")
+        (config.run / "config.json").write_text(json.dumps(_plain(config) | {"commit": commit()}, indent=1) + "\n")
         counts = [FIT_WINDOWS * count // config.batch for count in self._counts]
         left_out = self.model.fit(*self._draw(counts))
         print(f"the curves leave out {left_out[0]:.2%} of the past's variance and {left_out[1]:.2%} of the future's")
@@ -208,9 +218,21 @@ class Trainer:
         checkpoint.save(path, self.model.state_dict(), card)
         return path
 
+    def _compare(self) -> None:
+        """Refuse to go on with another configuration than the run began with."""
+        began, now = json.loads((self.config.run / "config.json").read_text()), _plain(self.config)
+        changed = [name.replace("_", " ") for name in now if name not in FREE and began.get(name) != now[name]]
+        if changed:
+            raise OtherTraining(self.config.run, changed)
+
     def _draw(self, counts: Iterable[int]) -> tuple[Tensor, Tensor]:
         drawn = [source.sample(count, self.config.variation) for source, count in zip(self._sources, counts, strict=True)]
         return torch.cat([past for past, _ in drawn]), torch.cat([future for _, future in drawn])
+
+
+def _plain(config: PriorConfig) -> dict[str, object]:
+    """The configuration as JSON holds it."""
+    return json.loads(json.dumps(asdict(config), default=str))
 
 
 def elbo(model: PriorModel, history: Tensor, future: Tensor, terms: Terms, beta: float) -> tuple[Tensor, dict[str, float]]:

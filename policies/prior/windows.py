@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from policies.motion.clip import ClipSet
+from policies.prior.errors import NoClips
 from policies.prior.model import WINDOW
 
 
@@ -23,18 +24,22 @@ class Variation:
     """Playback speed, in half of the windows."""
     mixed: float = 0.15
     """Share of windows whose right arm is another window's: an operator's hands are less in step than a dancer's."""
-    noise: float = 0.003
-    """Deviation of white noise on the past [rad]."""
+    noise: float = 0.001
+    """Deviation of white noise on the past [rad]: smooth clips let one read off accelerations that live targets would blur."""
 
 
 class Windows:
     """Clips laid end to end; time t of a window is the first frame of the future."""
 
     def __init__(self, clips: ClipSet, home: np.ndarray) -> None:
-        """home: default angles of waist and arms [15], rad."""
+        """home: default angles of waist and arms [15], rad.
+
+        Raises:
+            NoClips: none is long enough.
+        """
         usable = [clip for clip in clips.clips if len(clip.q) > WINDOW]
         if not usable:
-            raise ValueError(f"no clip is longer than {WINDOW} frames")
+            raise NoClips(f"no clip is longer than {WINDOW} frames")
         self._q = torch.tensor(np.concatenate([clip.q for clip in usable]), dtype=torch.float32)
         lengths = np.array([len(clip.q) for clip in usable])
         ends = torch.tensor(np.cumsum(lengths))

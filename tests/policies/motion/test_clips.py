@@ -10,6 +10,8 @@ import pytest
 from policies.motion.clip import Clip, ClipSet, UnusableClips
 from policies.motion.folder import NoMotion, RetargetConfig, retarget
 from policies.motion.labels import guess
+from policies.motion.person import Person
+from policies.motion.retarget import Retargeted, Retargeter
 from policies.motion.synthetic import Generator, SyntheticConfig, synthesize
 from robots.catalog import load
 
@@ -128,3 +130,31 @@ def test_synthetic_clips_are_written_with_a_split(tmp_path: Path, monkeypatch: p
     assert {c.category for c in found.clips} == {"synthetic"}
     np.testing.assert_array_equal(made.clips[3].q, again.clips[3].q)
     assert np.abs(made.clips[3].q[-1] - made.clips[4].q[-1]).max() > 0.01
+
+
+def test_a_retargeting_that_was_stopped_goes_on(tmp_path: Path, hanging: Callable[..., Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, out = tmp_path / "motion", tmp_path / "out.npz"
+    folder.mkdir()
+    for i in range(3):
+        hanging(folder / f"0{i}_01.bvh", 60 + 10 * i + 30 * np.sin(np.linspace(0, 9, 80)))
+    made: list[int] = []
+    work = Retargeter.__call__
+
+    def stopping(self: Retargeter, person: Person) -> Retargeted:
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        made.append(person.frames)
+        return work(self, person)
+
+    monkeypatch.setattr(Retargeter, "__call__", stopping)
+    with pytest.raises(KeyboardInterrupt):
+        retarget(RetargetConfig(folder, out))
+    assert not out.exists()
+    made.clear()
+    resumed = retarget(RetargetConfig(folder, out))
+    assert len(made) == 1
+    monkeypatch.undo()
+    whole = retarget(RetargetConfig(folder, tmp_path / "whole.npz"))
+    for one, other in zip(resumed.clips, whole.clips, strict=True):
+        np.testing.assert_array_equal(one.q, other.q)
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []

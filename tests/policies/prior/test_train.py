@@ -10,6 +10,7 @@ import torch
 
 from policies.errors import WrongWeights
 from policies.motion.clip import Clip, ClipSet
+from policies.prior.errors import NoClips
 from policies.prior.evaluate import judge
 from policies.prior.model import Shape
 from policies.prior.prior import Prior
@@ -82,5 +83,5 @@ def test_weights_of_another_robot_or_kind_are_refused(trained: tuple[PriorConfig
 
 
 def test_without_any_clips_it_says_what_to_give() -> None:
-    with pytest.raises(ValueError, match="teleop-train retarget"):
+    with pytest.raises(NoClips, match="teleop-train retarget"):
         Trainer(PriorConfig())
