@@ -28,6 +28,8 @@ class Serve:
     """Private key of the certificate (PEM)."""
     policy: str = "walk_h1"
     """Weights of the leg policy: a shipped name, or a path to a .safetensors file."""
+    sources: tuple[str, ...] = ()
+    """Commands from this program, beside the page's: circle (the right wrist goes round), replay:FILE (a recorded operator)."""
     log: Form = "text"
     """Warnings as text, or every event as a line of JSON."""
     recordings: Path = Path("recordings")

@@ -39,3 +39,24 @@ class CannotListen(AppError):
 
     def __init__(self, host: str, port: int, why: str) -> None:
         super().__init__(f"cannot listen on {host}:{port}: {why}; choose another one with --host and --port")
+
+
+class OddSpeed(AppError):
+    """A playback speed that makes no motion."""
+
+    def __init__(self, speed: float, slowest: float, fastest: float) -> None:
+        super().__init__(f"a motion cannot be played at speed {speed:g}; give one from {slowest:g} to {fastest:g} with --speed")
+
+
+class UnknownSource(AppError):
+    """A source of commands that does not exist."""
+
+    def __init__(self, name: str, known: list[str]) -> None:
+        super().__init__(f"there is no source {name!r}; known: {', '.join(known)}")
+
+
+class UnusableSource(AppError):
+    """A source of commands whose file does not work."""
+
+    def __init__(self, name: str, why: str) -> None:
+        super().__init__(f"the source {name} cannot be used: {why}")

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import logging
 import threading
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from fastapi import FastAPI
 
 from app import episodes, invite
 from app.config import Serve
+from app.errors import UnknownSource, UnusableSource
 from app.factory import Factory
+from app.inputs.circle import Circle
+from app.inputs.feed import Feed
 from app.inputs.operator import Operators
+from app.inputs.replay import Replay
+from app.inputs.source import Source
 from app.mode import Reason
 from app.outputs.tape import RecordingError
 from app.outputs.telemetry import Names, Telemetry
@@ -20,12 +26,17 @@ from app.protocol import Health
 from app.server import create_app
 from app.simulation import Simulation
 from policies import checkpoint
-from policies.episode import Metadata
+from policies.episode import DamagedRecording, Metadata
 from policies.recording.provenance import describe
 from robots import catalog
 
 _log = logging.getLogger(__name__)
 
+SOURCES: dict[str, Callable[[str], Source]] = {
+    "circle": Circle,
+    "replay": Replay,
+}
+"""What `--sources NAME` or `NAME:ARGUMENT` may name. Pages, headsets and scripts come through the operator's socket."""
 WATCH_PERIOD = 0.1
 """How often the simulation process is checked for life [s]."""
 
@@ -41,10 +52,11 @@ class Session:
             token: what people have to know to be let in.
 
         Raises:
-            RobotError, PolicyError: an unknown name.
+            RobotError, PolicyError, UnknownSource: an unknown name.
+            UnusableSource: a source cannot read its file.
             SimulationFailed: the robot could not be built; the message says why.
         """
-        self._token = token
+        self._token, sources = token, [_source(wanted) for wanted in config.sources]
         self._robot, self._weights = catalog.load(config.robot), checkpoint.find(config.policy, "walk")
         self.simulation = Simulation(Factory(config.robot, str(self._weights)))
         self.simulation.start()
@@ -61,6 +73,7 @@ class Session:
         self.episodes = episodes.Episodes(config.recordings, description.result, exchange.rows)
         names = Names(config.robot, self._weights.stem, self._robot.spec.policy_rate)
         self._telemetry = Telemetry(names, self.simulation, self.operators)
+        self._feeds = [Feed(source, self.operators, self.simulation.applied) for source in sources]
         self._closing = threading.Event()
         threading.Thread(target=self._watch, name="watch", daemon=True).start()
 
@@ -88,6 +101,8 @@ class Session:
     def close(self) -> None:
         """End the open episode, then the simulation."""
         self._closing.set()
+        for feed in self._feeds:
+            feed.close()
         self.episodes.close()
         self.simulation.close()
         self._page.close()
@@ -106,3 +121,19 @@ class Session:
                     self.episodes.recorder.stop(recording.id)
                 except RecordingError as error:
                     _log.error("%s", error)
+
+
+def _source(wanted: str) -> Source:
+    """The source that a `NAME` or `NAME:ARGUMENT` means.
+
+    Raises:
+        UnknownSource: there is none.
+        UnusableSource: it cannot read its file.
+    """
+    name, _, argument = wanted.partition(":")
+    if name not in SOURCES:
+        raise UnknownSource(name, known=list(SOURCES))
+    try:
+        return SOURCES[name](argument)
+    except (DamagedRecording, OSError) as error:
+        raise UnusableSource(wanted, str(error)) from error

@@ -224,7 +224,7 @@ def test_who_asks_for_a_role_is_shown_to_its_driver_and_given_it(driver: Driver,
         (asks,) = (member for member in driver.newest["crew"] if member["asks"])
         driver.fields |= {"give": asks["id"]}
         eventually(lambda: second.newest["drives"] == ["legs"] and driver.newest["drives"] == ["arms"])
-        assert second.newest["roles"]["legs"]["state"] == "HOLD"
+        eventually(lambda: second.newest["roles"]["legs"]["state"] == "HOLD")
     finally:
         second.close()
 
