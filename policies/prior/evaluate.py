@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import torch
-from rich.console import Console
-from rich.table import Table
 from torch import Tensor
 
-from policies.motion.clip import ClipSet
 from policies.prior.model import PriorModel
-from policies.prior.prior import Prior
 from policies.prior.windows import Windows
-from robots import catalog
 
 SECONDS = (0.2, 0.5, 1.0)
 """Horizons of the tables."""
@@ -36,40 +27,6 @@ class Error(NamedTuple):
 
 Errors = dict[tuple[str, float], Error]
 """By forecast and horizon [s]."""
-
-
-@dataclass(frozen=True)
-class EvaluateConfig:
-    """Print what a prior forecasts on the validation clips."""
-
-    clips: Path
-    """Clips of `teleop-train retarget`."""
-    prior: str = "prior_h1"
-    """Shipped name, or path to a .safetensors file."""
-    robot: str = "h1"
-    """Name in the catalog."""
-    split: str = "val"
-    """Split of the clips."""
-
-
-def evaluate(config: EvaluateConfig) -> Errors:
-    """Print the table of forecast errors on a split and return it."""
-    spec = catalog.load(config.robot).spec
-    clips = ClipSet.load(config.clips, spec).where(lambda clip: clip.split == config.split)
-    prior = Prior.load(config.prior, spec)
-    windows = Windows(clips, spec.home[spec.group("waist", "arms")])
-    errors = judge(prior.model, windows, stride=5)
-    table = Table(title=f"error of 15 joints on {config.split} clips: rms, mean absolute [rad], each against holding the last pose")
-    table.add_column("forecast")
-    for seconds in SECONDS:
-        table.add_column(f"{seconds} s", justify="right")
-    for name in dict.fromkeys(name for name, _ in errors):
-        table.add_row(name, *(_cell(errors[name, s], errors["hold", s]) for s in SECONDS))
-    console = Console()
-    console.print(table)
-    history = windows.every(len(windows))[0][0].numpy()
-    console.print(f"encoding one robot's second: {1e3 * _median_seconds(lambda: prior.encode(history)):.2f} ms")
-    return errors
 
 
 @torch.no_grad()
@@ -111,16 +68,3 @@ def _error(motion: Tensor, future: Tensor, seconds: float) -> Error:
     frame = round(seconds * future.shape[1]) - 1
     off = motion[:, frame] - future[:, frame]
     return Error(float(off.abs().mean()), float(off.square().mean().sqrt()))
-
-
-def _median_seconds(call: Callable[[], object], times: int = 200) -> float:
-    taken = []
-    for _ in range(times):
-        start = time.perf_counter()
-        call()
-        taken.append(time.perf_counter() - start)
-    return sorted(taken)[times // 2]
-
-
-def _cell(error: Error, hold: Error) -> str:
-    return f"{error.rms:.3f} {error.rms / hold.rms - 1:+.0%}  {error.mean:.3f} {error.mean / hold.mean - 1:+.0%}"

@@ -13,7 +13,15 @@ from policies.prior.evaluate import forecasts
 from policies.prior.model import PriorModel
 from policies.prior.windows import Windows
 
-SHOWN = ("hold", "constant velocity", "R", "R shuffled", "E")
+SHOWN = {
+    "hold": "the last pose stays",
+    "constant velocity": "the last velocity stays",
+    "R": "R: from the past",
+    "R shuffled": "R, z of another window",
+    "E": "E: has seen the future",
+}
+LIVELY = (0.7, 0.9)
+"""Which windows are shown: by how much moves in them, from 0, the calmest, to 1, the wildest."""
 _JOINTS = {2: "left shoulder roll", 4: "left elbow", 8: "right shoulder pitch"}
 
 
@@ -28,36 +36,36 @@ def draw(model: PriorModel, windows: Windows, path: Path, curve: Path | None = N
     mpl.use("Agg")
     from matplotlib import pyplot as plt
 
-    history, future, _ = windows.every(10)
+    history, future, rows = windows.every(10)
     made = forecasts(model, history, future)
     seconds = torch.arange(1, future.shape[1] + 1) / future.shape[1]
-    figure, axes = plt.subplots(1, 3, figsize=(12, 3.4), layout="constrained")
-    for name in SHOWN:
-        axes[0].plot(seconds, (made[name] - future).square().mean((0, 2)).sqrt(), label=name)
+    figure, axes = plt.subplots(2, 2, figsize=(11, 7), layout="constrained")
+    for name, label in SHOWN.items():
+        axes[0, 0].plot(seconds, (made[name] - future).square().mean((0, 2)).sqrt(), label=label)
     top = float((made["hold"] - future).square().mean((0, 2)).sqrt().max())
-    axes[0].set(title="error on validation clips", xlabel="seconds ahead", ylabel="rms over joints [rad]", ylim=(0, 1.6 * top))
-    axes[0].legend(fontsize=8)
-    _examples(axes[1], history, future, made["R"], seconds)
+    axes[0, 0].set(title="error on validation clips", xlabel="seconds ahead", ylabel="rms over joints [rad]", ylim=(0, 1.6 * top))
+    axes[0, 0].legend(fontsize=8)
     if curve is not None:
-        _curve(axes[2], curve)
+        _curve(axes[0, 1], curve)
     else:
-        axes[2].axis("off")
+        axes[0, 1].axis("off")
+    moving = (future - history[:, -1:]).square().mean((1, 2)).argsort()
+    for axis, lively in zip(axes[1], LIVELY, strict=True):
+        row = int(moving[int(lively * len(moving))])
+        _example(axis, history[row], future[row], made["R"][row], seconds)
+        axis.set(title=f"what came, and what R and D expected (dashed)\n{windows.names[int(rows[row])]}")
     figure.savefig(path, dpi=80)
     plt.close(figure)
 
 
-def _examples(axes, history: Tensor, future: Tensor, forecast: Tensor, seconds: Tensor) -> None:
-    """Three joints of the window whose motion is at the 90th percentile: neither at rest nor the wildest."""
-    moving = (future - history[:, -1:]).square().mean((1, 2))
-    row = int(moving.argsort()[int(0.9 * len(moving))])
-    past = seconds - 1
+def _example(axes, past: Tensor, future: Tensor, forecast: Tensor, seconds: Tensor) -> None:
+    """Three joints of one window."""
     for i, (joint, name) in enumerate(_JOINTS.items()):
         colour = f"C{i}"
-        axes.plot(past, history[row, :, joint], colour, label=name)
-        axes.plot(seconds, future[row, :, joint], colour)
-        axes.plot(seconds, forecast[row, :, joint], colour, linestyle="--")
+        axes.plot(torch.cat([seconds - 1, seconds]), torch.cat([past[:, joint], future[:, joint]]), colour, label=name)
+        axes.plot(seconds, forecast[:, joint], colour, linestyle="--")
     axes.axvline(0, color="grey", linewidth=0.5)
-    axes.set(title="a forecast (dashed) from R", xlabel="seconds", ylabel="joint target [rad]")
+    axes.set(xlabel="seconds from now", ylabel="joint target [rad]")
     axes.legend(fontsize=8)
 
 

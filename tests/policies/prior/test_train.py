@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from policies.bench.prior import PriorBench, run
 from policies.errors import WrongWeights
 from policies.motion.clip import Clip, ClipSet
 from policies.prior.errors import NoClips
@@ -58,6 +59,21 @@ def test_it_forecasts_and_its_latent_is_what_tells(trained: tuple[PriorConfig, P
     assert card["validation_rms_rad"]["hold 0.5 s"] > card["validation_rms_rad"]["R 0.5 s"]
     curve = (config.run / "curve.csv").read_text().splitlines()
     assert [row.split(",")[0] for row in curve] == ["step", "125", "250"]
+
+
+def test_the_bench_tells_the_same_and_draws_it(trained: tuple[PriorConfig, Path], tmp_path: Path) -> None:
+    config, path = trained
+    assert config.clips
+    files = {"json": tmp_path / "p.json", "picture": tmp_path / "p.png", "curve": config.run / "curve.csv"}
+    record = run(PriorBench(config.clips, str(path), stride=7, **files))
+    assert json.loads(files["json"].read_text()) == record
+    assert files["picture"].stat().st_size > 10_000
+    rms, square = (record["error"][measure] for measure in ("root mean square, rad", "mean square, rad^2"))
+    windows = Windows(ClipSet.load(config.clips, SPEC).split("val"), HOME)
+    assert rms["R 0.5 s"] == judge(Prior.load(str(path), SPEC).model, windows, stride=7)["R", 0.5].rms
+    assert square["hold 1.0 s"] == pytest.approx(rms["hold 1.0 s"] ** 2)
+    assert record["latent"]["least deviation of a number"] > 0
+    assert 1 < record["latent"]["directions in use"] < 64
 
 
 def test_it_resumes_where_it_was(trained: tuple[PriorConfig, Path]) -> None:
