@@ -98,14 +98,15 @@ def _episodes(directory: tyro.conf.Positional[Path] = Serve.recordings) -> int:
     return recordings.episodes(directory)
 
 
-def _replay(file: tyro.conf.Positional[Path], episode: int | None = None) -> int:
-    """Simulate recorded episodes again and compare them with the recording, bit for bit.
+def _replay(file: tyro.conf.Positional[Path], episode: int | None = None, policy: str | None = None) -> int:
+    """Simulate recorded episodes again and compare them with the recording, bit for bit; or see how another policy does.
 
     Args:
         file: a recording.
         episode: the number of one episode; all of them otherwise.
+        policy: leg weights that drive instead of the recorded motor targets: where they first differ, and the figures of both.
     """
-    return recordings.replay(file, episode)
+    return recordings.replay(file, episode) if policy is None else recordings.rival(file, policy, episode)
 
 
 def _recover(path: tyro.conf.Positional[Path]) -> int:
