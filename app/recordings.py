@@ -5,17 +5,37 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from policies import checkpoint
 from policies.episode import DamagedRecording, EpisodeInfo
 from policies.recording import replay as replaying
 from policies.recording import rewrite
 from policies.recording.library import Library
 from policies.recording.model import CannotReplay
 from policies.recording.reader import Recording
+from robots import catalog
+
+if TYPE_CHECKING:
+    from policies.recording.rival import Compared
+
+FIGURES = {
+    "seconds": "seconds",
+    "engaged": "seconds engaged",
+    "falls": "falls",
+    "holds": "times the operator was lost",
+    "wrist_error": "wrists, mean error [m]",
+    "wrist_turn": "wrists, mean error [rad]",
+    "velocity_error": "velocity, mean error [m/s]",
+    "yaw_rate_error": "yaw rate, mean error [rad/s]",
+    "jerk": "wrists, rms jerk [m/s^3]",
+    "at_limit": "share of time with an arm at its limit",
+}
+"""Figures of `policies.recording.quality.Quality` as a person reads them."""
 
 
 def episodes(directory: Path) -> int:
@@ -40,10 +60,35 @@ def replay(file: Path, episode: int | None = None) -> int:
         with Recording(file) as recording:
             chosen = [info for info in recording.infos if episode in (None, info.number)]
             if not chosen:
-                known = ", ".join(str(info.number) for info in recording.infos) or "none"
-                return _complain(f"{file} has no episode {'' if episode is None else episode}; its episodes: {known}")
+                return _no_episode(recording, episode)
             return max([_replay(recording, info) for info in chosen])
     except (DamagedRecording, CannotReplay, OSError) as error:
+        return _complain(str(error))
+
+
+def rival(file: Path, policy: str, episode: int | None = None) -> int:
+    """Run another policy through the episodes of a file, or one of them; print where it first differs and how both did.
+
+    Raises:
+        PolicyError, RobotError: unknown weights, or weights of another robot.
+    """
+    try:
+        with Recording(file) as recording:
+            chosen = [info for info in recording.infos if episode in (None, info.number)]
+            if not chosen:
+                return _no_episode(recording, episode)
+            weights = str(checkpoint.find(policy, "walk"))
+            robot = catalog.load(recording.metadata.robot)
+            import torch  # the other commands of this file do without it
+
+            from policies.recording.rival import compare
+            from policies.whole_body import WholeBody
+
+            torch.set_num_threads(1)
+            for info in chosen:
+                _tell(recording, policy, compare(recording, info, WholeBody(robot, weights), robot.spec))
+            return 0
+    except (DamagedRecording, CannotReplay, OSError, ValueError) as error:
         return _complain(str(error))
 
 
@@ -68,6 +113,29 @@ def _replay(recording: Recording, info: EpisodeInfo) -> int:
     if recording.damaged:
         _complain(f"{recording.path} has {recording.damaged} damaged chunks, their rows were left out")
     return 0 if done.diverged_at is None else 1
+
+
+def _tell(recording: Recording, policy: str, done: Compared) -> None:
+    own, first = recording.metadata.policy, done.divergence
+    print(f"{done.info.id}: {done.rows} rows, {done.segments} segments, recorded with {own}, run again with {policy}")
+    if first is None:
+        print("  no divergence: bit for bit the same")
+    else:
+        where = f"{first.motor}, {first.difference:.2g} rad apart"
+        print(f"  first divergence at tick {first.tick}, {first.seconds:.2f} s after the start: {where}")
+    if not done.after_reset:
+        print("  a piece starts in the middle of a run: what the policy remembered there is not recorded, any policy differs a little")
+    table = Table(box=None, padding=(0, 3))
+    for heading in ("", f"recorded ({own})", policy):
+        table.add_column(heading, justify="right" if heading else "left")
+    for name, sentence in FIGURES.items():
+        table.add_row(sentence, *(f"{getattr(side, name):.4g}" for side in (done.recorded, done.other)))
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
+
+
+def _no_episode(recording: Recording, episode: int | None) -> int:
+    known = ", ".join(str(info.number) for info in recording.infos) or "none"
+    return _complain(f"{recording.path} has no episode {'' if episode is None else episode}; its episodes: {known}")
 
 
 def _recover(file: Path) -> int:

@@ -11,8 +11,8 @@ from policies.episode import EpisodeInfo, Metadata
 from policies.recording.model import load_model
 from policies.recording.reader import Recording
 
-_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_INPUTS = (
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+INPUTS = (
     mujoco.mjtState.mjSTATE_QFRC_APPLIED
     | mujoco.mjtState.mjSTATE_XFRC_APPLIED
     | mujoco.mjtState.mjSTATE_EQ_ACTIVE
@@ -55,7 +55,7 @@ class _Player:
         self.rows, self.segments, self.max_difference = 0, 0, 0.0
         self.diverged_at: int | None = None
         self._metadata, self._model, self._data = metadata, model, mujoco.MjData(model)
-        self._inputs = np.empty(mujoco.mj_stateSize(model, _INPUTS))
+        self._inputs = np.empty(mujoco.mj_stateSize(model, INPUTS))
         self._last_tick: int | None = None
 
     def play(self, row: np.void) -> None:
@@ -63,11 +63,11 @@ class _Player:
         model, data, state = self._model, self._data, np.ascontiguousarray(row["state"])
         if row["jump"] or self._last_tick is None or int(row["tick"]) != self._last_tick + 1:
             self.segments += 1
-            mujoco.mj_setState(model, data, state, _STATE)
+            mujoco.mj_setState(model, data, state, STATE)
         else:
             self._compare(row)
-            mujoco.mj_extractState(model, state, _STATE, self._inputs, _INPUTS)
-            mujoco.mj_setState(model, data, self._inputs, _INPUTS)
+            mujoco.mj_extractState(model, state, STATE, self._inputs, INPUTS)
+            mujoco.mj_setState(model, data, self._inputs, INPUTS)
         data.ctrl[:] = row["ctrl"]
         mujoco.mj_step(model, data, nstep=self._metadata.substeps)
         self._last_tick = int(row["tick"])
