@@ -27,6 +27,7 @@ examples:
   teleop episodes                      list what was recorded
   teleop replay recordings/FILE.mcap   simulate it again and compare, bit for bit
   teleop recover recordings            mend what a crash left behind
+  teleop doctor                        is this machine fit for it?
   teleop export recordings --format lerobot --cameras head chase
 """
 
@@ -86,7 +87,7 @@ def _invitation(config: Serve, address: str, token: str | None) -> str:
 
 def _parse(arguments: list[str]) -> Serve | int:
     """A configuration to serve, or the exit code of another command that ran."""
-    commands = {"serve": Serve, "episodes": _episodes, "replay": _replay, "recover": _recover, "export": _export}
+    commands = {"serve": Serve, "episodes": _episodes, "replay": _replay, "recover": _recover, "export": _export, "doctor": _doctor}
     first = arguments[0] if arguments else ""
     if first not in (*commands, "-h", "--help"):
         arguments = ["serve", *arguments]
@@ -116,6 +117,19 @@ def _recover(path: tyro.conf.Positional[Path]) -> int:
         path: a file, or a folder of them.
     """
     return recordings.recover(path)
+
+
+def _doctor(robot: str = Serve.robot, port: int = Serve.port, recordings: Path = Serve.recordings) -> int:
+    """Look whether this machine is fit to drive a robot, and say what to do where it is not.
+
+    Args:
+        robot: which robot.
+        port: on which to listen.
+        recordings: folder of the recorded episodes.
+    """
+    from app import doctor  # the other commands do without a simulator
+
+    return doctor.main(robot, port, recordings)
 
 
 def _export(

@@ -7,11 +7,12 @@ from then on in a cookie that no script reads and no other site sends; programs 
 
 from __future__ import annotations
 
+import html
 import logging
 import secrets
 from collections.abc import Sequence
 from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from starlette.datastructures import Headers
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
@@ -21,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 COOKIE = "teleop_token"
-WELCOME = '<!doctype html><title>humanoid-teleop</title><meta http-equiv="refresh" content="0; url=/">'
+WELCOME = '<!doctype html><title>humanoid-teleop</title><meta http-equiv="refresh" content="0; url=/?{}">'
 """Goes on to the page from an address of ours: a cookie that is strict would not travel with a redirect from another site's link."""
 PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
 
@@ -77,11 +78,12 @@ class Gate:
 
     def _welcome(self, scope: Scope) -> Response | None:
         """The answer to the address with the token in it; None to any other."""
-        given = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])
-        if scope["type"] != "http" or scope["method"] != "GET" or scope["path"] != "/" or not self._is_token(given[0]):
+        query = dict(parse_qsl(scope["query_string"].decode("latin-1")))
+        given = query.pop("token", "")
+        if scope["type"] != "http" or scope["method"] != "GET" or scope["path"] != "/" or not self._is_token(given):
             return None
-        answer = HTMLResponse(WELCOME, headers=PRIVATE)
-        answer.set_cookie(COOKIE, given[0], httponly=True, samesite="strict", secure=scope["scheme"] == "https", path="/")
+        answer = HTMLResponse(WELCOME.format(html.escape(urlencode(query))), headers=PRIVATE)
+        answer.set_cookie(COOKIE, given, httponly=True, samesite="strict", secure=scope["scheme"] == "https", path="/")
         return answer
 
     def _is_token(self, given: str) -> bool:

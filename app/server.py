@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 
@@ -14,8 +15,10 @@ from pydantic import ValidationError
 from app.errors import AppError
 from app.gate import Gate
 from app.inputs.operator import Client, Operators
-from app.limits import LARGEST_MESSAGE, Allowance, SmallBodies, TooMany
+from app.limits import LARGEST_BODY, LARGEST_MESSAGE, Allowance, TooMany
 from app.protocol import VERSION, Answer, Health, Member, OperatorMessage
+
+_log = logging.getLogger(__name__)
 
 ANSWER_PERIOD = 0.04
 """Seconds between two answers to a client."""
@@ -48,8 +51,8 @@ def create_app(
         names: further names of this machine.
         token: what people have to know to be let in.
     """
-    app = FastAPIOffline(title="humanoid-teleop", description="Drive a walking humanoid.", version=str(VERSION))
-    app.add_middleware(SmallBodies)
+    about = {"title": "humanoid-teleop", "description": "Drive a walking humanoid.", "version": str(VERSION)}
+    app = FastAPIOffline(**about, max_body_size=LARGEST_BODY)
     app.add_middleware(Gate, host=host, names=names, token=token)
     app.add_exception_handler(AppError, _say)
     app.webhooks.add_api_route("operator", _operator_socket, methods=["POST"], summary="WS /api/operator")
@@ -92,10 +95,12 @@ def _control(health: Callable[[], Health], operators: Operators, reset: Callable
             await socket.close(FULL, f"{CLIENTS} clients are connected already")
             return
         client = operators.join()
+        _log.info("operator connected", extra={"operator": client.key})
         try:
             await _first_to_end(_read(socket, client, operators), _answer(socket, client, operators, health))
         finally:
             operators.leave(client)
+            _log.info("operator left", extra={"operator": client.key, "messages_to": client.seq})
 
     return router
 
@@ -142,6 +147,7 @@ async def _read(socket: WebSocket, client: Client, operators: Operators) -> None
             first = error.errors()[0]
             operators.refuse(client, f"{'.'.join(map(str, first['loc']))}: {first['msg']}")
         except (_Refused, TooMany) as refused:
+            _log.info("socket closed", extra={"operator": client.key, "why": str(refused)})
             await socket.close(refused.code if isinstance(refused, _Refused) else TOO_MANY, str(refused))
             return
 

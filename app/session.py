@@ -19,6 +19,7 @@ from app.inputs.operator import Operators
 from app.inputs.replay import Replay
 from app.inputs.source import Source
 from app.mode import Reason
+from app.outputs import metrics
 from app.outputs.tape import RecordingError
 from app.outputs.telemetry import Names, Telemetry
 from app.page import Page
@@ -79,7 +80,8 @@ class Session:
 
     def app(self) -> FastAPI:
         """The site."""
-        routers = [*self._page.routers, episodes.router(self.episodes), invite.router()]
+        told = metrics.router(self.health, lambda: self.simulation.pid)
+        routers = [*self._page.routers, episodes.router(self.episodes), invite.router(), told]
         return create_app(self.health, self.operators, self.reset, self._host, routers, self._names, self._token)
 
     def missing(self) -> list[str]:
@@ -113,9 +115,13 @@ class Session:
         return describe(self._robot.spec, self._model, rows, self._weights.stem, self._weights, reasons)
 
     def _watch(self) -> None:
-        """Close the log of a simulation that died."""
+        """Tell the log what becomes of the robot, and close the recording of a simulation that died."""
+        before = ""
         while not self._closing.wait(WATCH_PERIOD):
-            recording = self.episodes.recorder.status().open
+            now = self.health()
+            if now.state != before:
+                _log.info("state", extra={"state": now.state, "reason": now.reason, "driver": now.driver, "tick": now.ticks})
+            before, recording = now.state, self.episodes.recorder.status().open
             if recording and self.simulation.dead:
                 try:
                     self.episodes.recorder.stop(recording.id)

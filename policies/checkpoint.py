@@ -64,7 +64,9 @@ def load(path: Path, expect: dict[str, object]) -> tuple[dict[str, Tensor], dict
     try:
         card = json.loads(path.with_suffix(".json").read_text())
         tensors = safetensors.torch.load_file(path)
-    except (OSError, ValueError, safetensors.SafetensorError) as error:
+        if not isinstance(card, dict):
+            raise ValueError("its card is no JSON object")
+    except (OSError, ValueError, RecursionError, safetensors.SafetensorError) as error:
         raise DamagedWeights(path, str(error)) from error
     for field, wanted in expect.items():
         if card.get(field) != wanted:

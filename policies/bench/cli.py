@@ -11,7 +11,7 @@ from typing import Annotated
 
 import tyro
 
-from policies.bench import arms, drive, hands, speed, walk
+from policies.bench import arms, drive, hands, soak, speed, walk
 from policies.errors import PolicyError
 from robots.errors import RobotError
 
@@ -19,6 +19,7 @@ Bench = (
     Annotated[walk.WalkBench, tyro.conf.subcommand("walk")]
     | Annotated[speed.SpeedBench, tyro.conf.subcommand("speed")]
     | Annotated[drive.DriveBench, tyro.conf.subcommand("drive")]
+    | Annotated[soak.SoakBench, tyro.conf.subcommand("soak")]
     | Annotated[arms.ArmsBench, tyro.conf.subcommand("arms")]
     | Annotated[hands.HandsBench, tyro.conf.subcommand("hands")]
 )
@@ -35,6 +36,8 @@ def main() -> None:
                 speed.run(config)
             case drive.DriveBench():
                 drive.run(config)
+            case soak.SoakBench():
+                soak.run(config)
             case arms.ArmsBench():
                 arms.run(config)
             case hands.HandsBench():

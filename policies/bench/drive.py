@@ -71,7 +71,7 @@ class Log:
 def run(config: DriveBench) -> dict:
     """Drive, then print and return the figures."""
     try:
-        log = asyncio.run(_drive(config))
+        log = asyncio.run(script(config))
     except (OSError, WebSocketException) as error:
         sys.exit(f"teleop-bench: no server answers at {config.url} ({error}); start one with `make run`")
     figures = summarise(log, config)
@@ -110,7 +110,8 @@ def summarise(log: Log, config: DriveBench) -> dict:
     }
 
 
-async def _drive(config: DriveBench) -> Log:
+async def script(config: DriveBench) -> Log:
+    """Drive a running server while pages watch."""
     address, log = urlsplit(config.url).netloc, Log()
     async with connect(f"ws://{address}/api/operator", origin=Origin(f"http://{address}"), compression=None) as operator:
         watchers = [asyncio.create_task(watch(address, log.watched.append)) for _ in range(config.watchers)]

@@ -28,7 +28,7 @@ _ZSTD_AT = 37
 _ATTACHMENT_NAME = struct.pack("<I", len(MODEL_ATTACHMENT)) + MODEL_ATTACHMENT.encode()
 _ATTACHMENT_NAME_AT = 25
 _FOOTER = struct.Struct("<BQQQI")
-_LARGEST = 64 << 20
+LARGEST = 64 << 20
 """No chunk or model of ours is larger [bytes]; a damaged size must not take all memory."""
 _BROKEN = (McapError, zstandard.ZstdError, struct.error, ValueError, KeyError, OverflowError)
 
@@ -68,7 +68,7 @@ def read_chunk(file: BinaryIO, offset: int) -> tuple[list[Message], int] | None:
     if len(head) < _CHUNK.size:
         return None
     _, _, _, _, size, crc, compression, packed_size = _CHUNK.unpack(head)
-    if compression != _ZSTD or size > _LARGEST or packed_size > _LARGEST:
+    if compression != _ZSTD or size > LARGEST or packed_size > LARGEST:
         return None
     packed = _read(file, offset + _CHUNK.size, packed_size)
     try:
@@ -86,7 +86,7 @@ def read_attachment(file: BinaryIO, offset: int) -> bytes | None:
     """The bytes attached at `offset`; None when they are damaged."""
     try:
         length = struct.unpack("<BQ", _read(file, offset, 9))[1]
-        record = _read(file, offset + 9, min(length, _LARGEST))
+        record = _read(file, offset + 9, min(length, LARGEST))
         if zlib.crc32(record[:-4]) != struct.unpack("<I", record[-4:])[0]:
             return None
         media = 16 + 4 + struct.unpack_from("<I", record, 16)[0]

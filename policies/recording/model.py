@@ -7,6 +7,7 @@ import hashlib
 import mujoco
 import numpy as np
 
+from policies.recording import trial
 from policies.recording.reader import Recording
 from robots import catalog
 
@@ -43,7 +44,7 @@ def load_model(recording: Recording) -> mujoco.MjModel:
 
 def _attached(recording: Recording) -> mujoco.MjModel | None:
     compiled = recording.model()
-    if compiled is None or hashlib.sha256(compiled).hexdigest() != recording.metadata.model_sha256:
+    if compiled is None or hashlib.sha256(compiled).hexdigest() != recording.metadata.model_sha256 or not trial.survives(compiled):
         return None
     try:
         return mujoco.MjModel.from_binary_path("model.mjb", {"model.mjb": compiled})

@@ -11,7 +11,7 @@ import zstandard
 
 from policies.episode import DamagedRecording, Episode, EpisodeInfo, Metadata, missing_ticks
 from policies.recording.channels import ROWS
-from policies.recording.container import read_attachment, read_chunk, read_session, survey
+from policies.recording.container import LARGEST, read_attachment, read_chunk, read_session, survey
 from policies.recording.contents import Contents, contents
 
 
@@ -88,7 +88,9 @@ class Recording:
         """The compiled MuJoCo model (MJB); None when it is damaged or was never attached."""
         packed = self.packed_model()
         try:
-            return None if packed is None else zstandard.decompress(packed)
+            if packed is None or zstandard.get_frame_parameters(packed).content_size > LARGEST:
+                return None
+            return zstandard.decompress(packed)
         except zstandard.ZstdError:
             return None
 
