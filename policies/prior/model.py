@@ -29,7 +29,7 @@ _HALF = math.sqrt(0.5)
 class Shape:
     """Sizes of the networks; kept in the card of the weights."""
 
-    past_curves: int = 16
+    past_curves: int = 14
     """Basis curves for M0."""
     future_curves: int = 12
     """Basis curves for M1."""

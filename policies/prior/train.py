@@ -69,7 +69,7 @@ class PriorConfig:
     """Folder of checkpoint, curve and a copy of this configuration."""
     robot: str = "h1"
     """Name in the catalog."""
-    steps: int = 6_000
+    steps: int = 8_000
     """Batches to train for, over all resumptions."""
     batch: int = 256
     """Windows a batch."""

@@ -24,8 +24,8 @@ class Variation:
     """Playback speed, in half of the windows."""
     mixed: float = 0.15
     """Share of windows whose right arm is another window's: an operator's hands are less in step than a dancer's."""
-    noise: float = 0.001
-    """Deviation of white noise on the past [rad]: smooth clips let one read off accelerations that live targets would blur."""
+    noise: float = 0.003
+    """Deviation of white noise on the past [rad]: smooth clips let one read off accelerations that live targets blur."""
 
 
 class Windows:
