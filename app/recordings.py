@@ -129,7 +129,7 @@ def _tell(recording: Recording, policy: str, done: Compared) -> None:
     for heading in ("", f"recorded ({own})", policy):
         table.add_column(heading, justify="right" if heading else "left")
     for name, sentence in FIGURES.items():
-        table.add_row(sentence, *(f"{getattr(side, name):.4g}" for side in (done.recorded, done.other)))
+        table.add_row(Text(sentence), *(f"{getattr(side, name):.4g}" for side in (done.recorded, done.other)))
     Console(width=None if sys.stdout.isatty() else 120).print(table)
 
 
