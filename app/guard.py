@@ -63,6 +63,8 @@ class Ask:
     """Command.vector, unchecked [36]."""
     given: np.ndarray
     """Which wrists the driver has set, left and right [2]."""
+    smooth: bool
+    """Whether the wrists' targets shall be filtered."""
     stamps: np.ndarray
     """When the driver's newest message arrived, a role (app.arbiter.ROLES), monotonic [2], s; -inf: nobody drives."""
     engage: np.ndarray
@@ -81,7 +83,7 @@ class Ask:
 
 
 NOBODY, NONE = np.full(2, -np.inf), np.zeros(2, dtype=int)
-SILENT = Ask(0, Command().vector(), NONE.astype(bool), NOBODY, NONE.astype(bool), NONE, NONE, 0, 0)
+SILENT = Ask(0, Command().vector(), NONE.astype(bool), False, NOBODY, NONE.astype(bool), NONE, NONE, 0, 0)
 """What is asked before anybody asked anything."""
 
 
@@ -130,7 +132,7 @@ class Guard:
         elapsed = max(self.dt, now - self._now)  # longer than a tick on a machine that misses some: it brakes in time too
         self._seen, self._now = ask, now
         arms, legs = (mode == Mode.ENGAGED for mode in self.modes)
-        command = self.limiter.step(self._good, ask.given, arms, legs, elapsed)
+        command = self.limiter.step(self._good, ask.given, ask.smooth, arms, legs, elapsed)
         return Guarded(command, self.mode, self.reason)
 
     @property
@@ -211,5 +213,5 @@ def ask_from(record: np.void | None, serial: int) -> Ask:
     stamps = np.where(record["stamp"] != 0, record["stamp"] * 1e-9, -np.inf)
     flags = {name: record[name].astype(bool) for name in ("given", "engage")}
     counters = {name: record[name].astype(int) for name in ("driver", "presses")}
-    stops, resets = int(record["stops"]), int(record["resets"])
-    return Ask(serial, record["vector"], stamps=stamps, stops=stops, resets=resets, **flags, **counters)
+    stops, resets, smooth = int(record["stops"]), int(record["resets"]), bool(record["smooth"])
+    return Ask(serial, record["vector"], smooth=smooth, stamps=stamps, stops=stops, resets=resets, **flags, **counters)

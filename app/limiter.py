@@ -7,6 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from app.one_euro import OneEuro
 from policies.command import Command
 
 TWIST = np.array([[-0.6, -0.4, -1.0], [1.0, 0.4, 1.0]])
@@ -44,32 +45,39 @@ class Limiter:
         self.applied = home.still()
         self.let_go = np.zeros(2, dtype=bool)
         self._asked: list[np.ndarray | None] = [None, None]
+        self._filters: list[OneEuro | None] = [None, None]
         self._brake = np.zeros(3)
 
     def engage(self) -> None:
         """The next target counts from here, however far it is: the wrists go there at their own speed."""
-        self._asked = [None, None]
+        self._asked, self._filters = [None, None], [None, None]
         self.let_go[:] = False
 
-    def step(self, wanted: Command, given: np.ndarray, arms: bool, legs: bool, elapsed: float) -> Command:
+    @property
+    def delay(self) -> float:
+        """What the filter of the wrists costs now [s]."""
+        return max((smoother.delay for smoother in self._filters if smoother), default=0.0)
+
+    def step(self, wanted: Command, given: np.ndarray, smooth: bool, arms: bool, legs: bool, elapsed: float) -> Command:
         """A tick's worth towards `wanted` (finite) where the operators are followed; the rest holds.
 
         Args:
             wanted: what is asked.
             given: which wrists the operator has set, left and right [2].
+            smooth: whether the wrists' targets are filtered, once a jump was ruled out.
             arms: whether wrists, hands, neck and waist follow; otherwise they stay.
             legs: whether velocity and posture follow; otherwise the velocity is braked to zero and the posture stays.
             elapsed: time since the last step [s].
         """
-        fields = (self._reach(wanted, given) if arms else {}) | (self._walk(wanted) if legs else self._stand(elapsed))
+        fields = (self._reach(wanted, given, smooth) if arms else {}) | (self._walk(wanted) if legs else self._stand(elapsed))
         self.applied = replace(self.applied, engage=arms or legs, **fields)
         return self.applied
 
-    def _reach(self, wanted: Command, given: np.ndarray) -> dict:
+    def _reach(self, wanted: Command, given: np.ndarray, smooth: bool) -> dict:
         """The arms' fields."""
         now, dt = self.applied, self.dt
         return {
-            "wrists": np.stack([self._wrist(side, wanted.wrists[side], bool(given[side])) for side in (0, 1)]),
+            "wrists": np.stack([self._wrist(side, wanted.wrists[side], bool(given[side]), smooth) for side in (0, 1)]),
             "hands": _towards(now.hands, np.clip(wanted.hands, 0, 1), HAND_RATE * dt),
             "neck": _towards(now.neck, np.clip(wanted.neck, *NECK), NECK_RATE * dt),
             "waist": float(_towards(np.array(now.waist), np.clip(wanted.waist, -WAIST, WAIST), WAIST_RATE * dt)),
@@ -91,7 +99,7 @@ class Limiter:
         brake = self._brake * elapsed + 1e-9  # so that rounding leaves no creep
         return {"twist": _towards(self.applied.twist, np.zeros(3), brake)}
 
-    def _wrist(self, side: int, asked: np.ndarray, given: bool) -> np.ndarray:
+    def _wrist(self, side: int, asked: np.ndarray, given: bool, smooth: bool) -> np.ndarray:
         """The next pose of one wrist [7]."""
         now = self.applied.wrists[side]
         if not given:
@@ -101,7 +109,17 @@ class Limiter:
             self.let_go[side] = True
         elif self.let_go[side] and not _far(now, asked):
             self.let_go[side] = False
-        return now if self.let_go[side] else _pose_towards(now, asked, WRIST_SPEED * self.dt, WRIST_TURN * self.dt)
+        if self.let_go[side] or not smooth:
+            self._filters[side] = None
+        if self.let_go[side]:
+            return now
+        return _pose_towards(now, self._smoothed(side, asked) if smooth else asked, WRIST_SPEED * self.dt, WRIST_TURN * self.dt)
+
+    def _smoothed(self, side: int, asked: np.ndarray) -> np.ndarray:
+        """The filtered target [7]; a filter begins where the wrist is."""
+        smoother = self._filters[side] or OneEuro(self.applied.wrists[side], self.dt)
+        self._filters[side] = smoother
+        return smoother.step(asked)
 
 
 def _towards(now: np.ndarray, goal: np.ndarray, step: np.ndarray | float) -> np.ndarray:

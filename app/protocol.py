@@ -78,6 +78,22 @@ class Neck(Wire):
     """rad, down"""
 
 
+Milliseconds = Annotated[FiniteFloat, Field(ge=0, le=60_000)]
+
+
+class PageTiming(Wire):
+    """What only a page can time, smoothed [ms]."""
+
+    device: Milliseconds | None = None
+    """From the event of the mouse, key or pad to the message that tells it."""
+    network: Milliseconds | None = None
+    """Of a message, one way: half of the way there and back, without the server's wait in between."""
+    stream: Milliseconds | None = None
+    """From the end of a tick to the page that has its frame."""
+    picture: Milliseconds | None = None
+    """From there until it is handed to the drawing."""
+
+
 class OperatorMessage(Wire):
     """What a client of WS /api/operator sends, at 20 Hz or faster: the message is the heartbeat.
 
@@ -96,6 +112,8 @@ class OperatorMessage(Wire):
     pitch: FiniteFloat | None = None
     """Lean forward [rad]."""
     wrists: Wrists | None = None
+    smooth: bool | None = None
+    """Filter `wrists` (1€ filter, app.one_euro): for hands that are tracked; a mouse needs none."""
     hands: Hands | None = None
     neck: Neck | None = None
     waist: FiniteFloat | None = None
@@ -108,6 +126,8 @@ class OperatorMessage(Wire):
     """Ask whoever drives them for `roles`, for as long as messages say so."""
     give: Annotated[str, Field(max_length=20)] | None = None
     """Hand what this client drives to the client with this id, as far as that one wants it (its `roles`); it holds in between."""
+    timing: PageTiming | None = None
+    """How long things take on the client's side."""
     name: Annotated[str, Field(min_length=1, max_length=40)] | None = None
     """How others see this client; otherwise it is numbered."""
 
@@ -171,15 +191,20 @@ class BothWrists(Wire):
 
 
 class Latency(Wire):
-    """Medians over the last 10 s, a stage each [ms]."""
+    """Medians over the last 10 s, a stage each [ms]; what a page timed is the newest word of a driver's page, or of nobody's."""
 
+    device: float | None
+    network: float | None
     queue: float
     """From the arrival of the operator's message to the tick that read it."""
     ik: float
     policy: float
     physics: float
     publish: float
+    stream: float | None
+    picture: float | None
     lateness: float
+    """How late the ticks began."""
 
 
 class Part(Wire):
@@ -230,6 +255,8 @@ class Health(Wire):
     lateness_ms: Percentiles
     ik_ms: Percentiles
     latency_ms: Latency
+    filter_ms: float
+    """What the filter of the wrists delays them by at their speed now; 0: it is off."""
     scheduler: str
     """What the simulation process runs under: fifo, nice or normal."""
     upright: bool
@@ -253,6 +280,8 @@ class Answer(Health):
 
     seq: int
     """Of the newest message read from this client; -1 before the first."""
+    waited: float
+    """How long ago that one came [ms]."""
     id: str
     """This client's, for `give` and for POST /api/reset."""
     you: str

@@ -81,7 +81,7 @@ class Publisher:
         snapshot["target"] = np.where(asks & tick.ask.given[:, None], guard.asked.wrists, applied)
         snapshot["reachable"], snapshot["limited_by"] = tick.trace.reached.reachable, tick.trace.reached.reasons
         snapshot["actual"] = self._physics.wrists()
-        snapshot["let_go"] = guard.limiter.let_go
+        snapshot["let_go"], snapshot["filter"] = guard.limiter.let_go, guard.limiter.delay * 1e3
         snapshot["missed"], snapshot["rejected"] = tick.missed, guard.rejected
         snapshot["upright"] = guard.upright(state)
         snapshot["stamp"] = clock.nanoseconds()

@@ -12,6 +12,7 @@ from fastapi.responses import JSONResponse
 from fastapi_offline import FastAPIOffline
 from pydantic import ValidationError
 
+from app import clock
 from app.errors import AppError
 from app.gate import Gate
 from app.inputs.operator import Client, Operators
@@ -100,7 +101,7 @@ def _control(health: Callable[[], Health], operators: Operators, reset: Callable
             await _first_to_end(_read(socket, client, operators), _answer(socket, client, operators, health))
         finally:
             operators.leave(client)
-            _log.info("operator left", extra={"operator": client.key, "messages_to": client.seq})
+            _log.info("operator left", extra={"operator": client.key, "messages": client.seq})
 
     return router
 
@@ -177,8 +178,9 @@ async def _answer(socket: WebSocket, client: Client, operators: Operators, healt
         error, client.error = client.error, None
         crew = _crew(operators)
         drives = next(member.drives for member in crew if member.id == client.key)
-        own = {"seq": client.seq, "id": client.key, "you": client.name, "driving": bool(drives), "drives": drives, "error": error}
-        answer = Answer(**dict(health()), **own, crew=crew)
+        waited = round((clock.now() - client.heard) * 1e3, 2)
+        own = {"seq": client.seq, "waited": waited, "id": client.key, "you": client.name, "error": error}
+        answer = Answer(**dict(health()), **own, driving=bool(drives), drives=drives, crew=crew)
         await asyncio.wait_for(socket.send_text(answer.model_dump_json()), BLOCKED)
         await asyncio.sleep(ANSWER_PERIOD)
 

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from fastapi import FastAPI
 
-from app import episodes, invite
+from app import clock, episodes, invite
 from app.config import Serve
 from app.errors import UnknownSource, UnusableSource
 from app.factory import Factory
@@ -40,6 +40,8 @@ SOURCES: dict[str, Callable[[str], Source]] = {
 """What `--sources NAME` or `NAME:ARGUMENT` may name. Pages, headsets and scripts come through the operator's socket."""
 WATCH_PERIOD = 0.1
 """How often the simulation process is checked for life [s]."""
+LOG_PERIOD = 10.0
+"""How often the latency of every stage is logged while somebody drives [s]."""
 
 
 class Session:
@@ -115,13 +117,17 @@ class Session:
         return describe(self._robot.spec, self._model, rows, self._weights.stem, self._weights, reasons)
 
     def _watch(self) -> None:
-        """Tell the log what becomes of the robot, and close the recording of a simulation that died."""
-        before = ""
+        """Tell the log what becomes of the robot and of the latencies; close the recording of a simulation that died."""
+        logged, before = clock.now(), ""
         while not self._closing.wait(WATCH_PERIOD):
             now = self.health()
             if now.state != before:
+                before = now.state
                 _log.info("state", extra={"state": now.state, "reason": now.reason, "driver": now.driver, "tick": now.ticks})
-            before, recording = now.state, self.episodes.recorder.status().open
+            if clock.now() - logged > LOG_PERIOD and any(self.operators.drivers.values()):
+                logged = clock.now()
+                _log.info("latency", extra={"latency_ms": now.latency_ms.model_dump(), "filter_ms": now.filter_ms})
+            recording = self.episodes.recorder.status().open
             if recording and self.simulation.dead:
                 try:
                     self.episodes.recorder.stop(recording.id)

@@ -24,6 +24,7 @@ COMMAND = np.dtype(
         ("presses", "<u4", (2,)),  # a role: counts fresh presses of Engage
         ("vector", "<f8", (command.SIZE,)),  # Command.vector, merged from all drivers
         ("given", "u1", (2,)),  # 1: the driver of the arms has set this wrist since pressing Engage (left, right)
+        ("smooth", "u1"),  # 1: the wrists' targets are filtered
         ("stops", "<u4"),  # counts presses of Stop
         ("resets", "<u4"),  # counts presses of Reset
     ]
@@ -51,6 +52,7 @@ def snapshot_dtype(nq: int) -> np.dtype:
             ("limited_by", "S12", (2,)),  # why reachable is not target: policies.reach.Reached.reasons
             ("let_go", "u1", (2,)),  # 1: this wrist's target jumped and the arm holds
             ("latency", "<f4", (6,)),  # ms, policies.episode.STAGES
+            ("filter", "<f4"),  # what the filter of the wrists' targets delays them by [ms]
             ("missed", "<u8"),  # ticks skipped because the process was late, since its start
             ("rejected", "<u8"),  # commands that the guard refused, since its start
             ("mode", "u1"),

@@ -9,11 +9,14 @@ const DEGREES = 180 / Math.PI;
 export class Controls {
   #timer = 0;
 
-  constructor($, pilot, keys, actions) {
-    Object.assign(this, { $, pilot, keys, actions });
+  // devices: [Keys, Pads].
+  constructor($, pilot, devices, actions) {
+    const [keys, pads] = devices;
+    Object.assign(this, { $, pilot, keys, pads, actions });
     this.#engage();
     this.#pedals();
-    this.#keyboard();
+    devices.forEach((device) => this.#device(device));
+    pads.addEventListener("gone", () => pilot.letGo());
     this.#sliders();
     this.#safety();
     pilot.addEventListener("refused", ({ detail }) => this.hint(detail, true));
@@ -74,15 +77,16 @@ export class Controls {
     }
   }
 
-  #keyboard() {
+  #device(device) {
     const { pilot, actions } = this;
-    this.keys.addEventListener("down", ({ detail: { action, code } }) => {
-      if (DIRECTIONS.has(action)) pilot.hold(code, action);
+    device.addEventListener("down", ({ detail: { action, code, amount } }) => {
+      if (DIRECTIONS.has(action)) pilot.hold(code, action, amount);
       else if (action === "engage") pilot.press();
       else if (action === "fast") pilot.setFast(true);
       else actions[action]?.();
     });
-    this.keys.addEventListener("up", ({ detail: { action, code } }) => {
+    device.addEventListener("move", ({ detail: { code, amount } }) => pilot.adjust(code, amount));
+    device.addEventListener("up", ({ detail: { action, code } }) => {
       if (DIRECTIONS.has(action)) pilot.drop(code);
       else if (action === "engage") pilot.release();
       else if (action === "fast") pilot.setFast(false);
@@ -91,7 +95,7 @@ export class Controls {
 
   #sliders() {
     for (const input of this.$.all("[data-field]")) {
-      if (input.dataset.field === "pace") input.value = this.pilot.pace;
+      input.value = this.pilot.limits[input.dataset.field] ?? this.pads[input.dataset.field] ?? input.value;
       this.#figure(input);
       input.addEventListener("input", () => {
         this.#figure(input);
@@ -108,8 +112,9 @@ export class Controls {
   }
 
   #ask(field, value) {
-    const { pilot } = this;
-    if (field === "pace") return pilot.setPace(value);
+    const { pilot, pads } = this;
+    if (field in pilot.limits) return pilot.setLimit(field, value);
+    if (field in pads) return pads.set(field, value);
     if (!pilot.engaged) this.hint("press Engage first (hold Space)", true);
     if (field.startsWith("grip")) {
       const grip = (side) => Array(6).fill(this.#value(`grip-${side}`));

@@ -18,8 +18,8 @@ const ACTIONS = {
 };
 
 export class Help {
-  constructor($, keys, controls) {
-    Object.assign(this, { $, keys, controls });
+  constructor($, keys, pads, controls) {
+    Object.assign(this, { $, keys, pads, controls });
     $("#help-button").addEventListener("click", () => this.toggle());
   }
 
@@ -31,9 +31,10 @@ export class Help {
   }
 
   #draw() {
-    const { $, keys } = this;
+    const { $, keys, pads } = this;
     const rows = Object.entries(ACTIONS).map(([action, what]) => {
-      const caps = keys.of(action).map((code) => `<kbd>${label(code)}</kbd>`).join(" ");
+      const names = [...keys.of(action).map(label), ...pads.of(action)];
+      const caps = names.map((name) => `<kbd>${name}</kbd>`).join(" ");
       return `<tr><th>${what}</th><td><button class="small" data-learn="${action}" title="Add another key">${caps || "none"}</button></td></tr>`;
     });
     $("#help").innerHTML = `
@@ -41,14 +42,19 @@ export class Help {
       <ol><li><b>Engage.</b> The robot listens only while it is pressed.</li><li><b>Hold</b> a key or a pedal to walk; let go to stand.</li>
       <li><b>Drag</b> the arrows at a wrist to move the hand, its arcs to turn it.</li></ol>
       <table>${rows.join("")}</table>
-      <footer><span>Press a key's name, then the key or foot pedal that shall do the same.</span>
+      <footer><span>Press a key's name, then the key, foot pedal or stick that shall do the same.${
+        pads.names.length ? ` Plugged in: ${pads.names.join(", ")}.` : " A gamepad shows up once a button of it is pressed."
+      }</span>
       <button class="small" data-forget>Default keys</button></footer>`;
     $("#help header button").addEventListener("click", () => this.toggle());
-    $("#help [data-forget]").addEventListener("click", () => this.#changed(keys.forget()));
+    $("#help [data-forget]").addEventListener("click", () => this.#changed(keys.forget(), pads.forget()));
     for (const button of $.all("[data-learn]")) {
       button.addEventListener("click", async () => {
-        button.textContent = "press a key";
-        this.#changed(await keys.learn(button.dataset.learn));
+        button.textContent = "press it";
+        await Promise.race([keys.learn(button.dataset.learn), pads.learn(button.dataset.learn)]);
+        keys.ignore();
+        pads.ignore();
+        this.#changed();
       });
     }
   }

@@ -36,6 +36,10 @@ export class Keys extends EventTarget {
     this.#map[code] = action;
   }
 
+  ignore() {
+    this.#listening = null;
+  }
+
   forget() {
     localStorage.removeItem(STORED);
     this.#map = { ...DEFAULTS };

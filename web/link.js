@@ -12,11 +12,11 @@ export class Link extends EventTarget {
   #sent = new Map(); // seq -> when
   #heard = 0;
   seq = 0; // of the next message
-  roundTrip = null; // ms, to the server and back, smoothed
   connected = false;
+  id = ""; // of this client
 
-  // fields: called for each message, returns what it says beside its number.
-  // Events: "answer" {detail: Answer}, "open", "close".
+  // fields: called for each message with its number, returns what else it says.
+  // Events: "answer" {detail: Answer}, "timed" {detail: ms that a message takes, one way}, "open", "close".
   constructor(url, fields) {
     super();
     Object.assign(this, { url, fields });
@@ -34,7 +34,8 @@ export class Link extends EventTarget {
       return;
     }
     this.#sent.set(this.seq, performance.now());
-    this.#socket.send(JSON.stringify({ seq: this.seq++, ...this.fields() }));
+    const seq = this.seq++;
+    this.#socket.send(JSON.stringify({ seq, ...this.fields(seq) }));
   }
 
   #open() {
@@ -65,10 +66,11 @@ export class Link extends EventTarget {
       sessionStorage.setItem("reloaded", "yes");
       location.reload(); // the program was updated under this page
     }
+    this.id = answer.id;
     const now = (this.#heard = performance.now());
     const sent = this.#sent.get(answer.seq);
     if (sent !== undefined) {
-      this.roundTrip = this.roundTrip === null ? now - sent : this.roundTrip + 0.1 * (now - sent - this.roundTrip);
+      this.dispatchEvent(new CustomEvent("timed", { detail: Math.max(0, now - sent - answer.waited) / 2 }));
       for (const seq of this.#sent.keys()) if (seq <= answer.seq) this.#sent.delete(seq);
     }
     this.dispatchEvent(new CustomEvent("answer", { detail: answer }));

@@ -1,12 +1,16 @@
 // Puts the page together.
 
 import { Controls } from "./controls.js";
+import { Crew } from "./crew.js";
 import { Episodes } from "./episodes.js";
 import { Help } from "./help.js";
 import { Keys } from "./keys.js";
+import { Latency } from "./latency.js";
 import { Link } from "./link.js";
 import { mount } from "./overlay.js";
+import { Pads } from "./pads.js";
 import { Pilot } from "./pilot.js";
+import { Roles } from "./roles.js";
 import { Live } from "./sources.js";
 import { Stage } from "./stage.js";
 import { Status } from "./status.js";
@@ -22,58 +26,77 @@ const socket = (path) => `${location.protocol === "https:" ? "wss" : "ws"}://${l
 
 const viewer = new Viewer(window.teleopTap); // first of all: it listens while viser starts
 const keys = new Keys();
+const pads = new Pads();
 const description = await (await fetch("/api/scene")).json();
 const $ = mount();
 document.title = "Teleop";
 
 const live = new Live(socket("/api/scene"));
 const stage = new Stage(viewer, description, live);
-const pilot = new Pilot();
-const link = new Link(socket("/api/operator"), () => ({ ...pilot.fields(), ...wrists.fields(), ...(taking() ? { take: true } : {}) }));
-const wrists = new Wrists(viewer, stage, pilot, link, description.wrists);
-const status = new Status($, link, live);
+const roles = new Roles(new URLSearchParams(location.search).get("role"));
+const pilot = new Pilot(roles);
+const latency = new Latency();
+const fields = (seq) => ({ ...roles.fields(seq), ...pilot.fields(), ...wrists.fields(), ...latency.fields() });
+const link = new Link(socket("/api/operator"), fields);
+const wrists = new Wrists(viewer, stage, pilot, roles, link, description.wrists);
+const status = new Status($, roles, latency, live);
+const crew = new Crew($, roles);
 
 const actions = {
   stop: () => (pilot.letGo(), fetch("/api/stop", { method: "POST" })),
-  reset: () => (pilot.letGo(), stage.play(null), fetch("/api/reset", { method: "POST" })),
+  reset: () => reset(),
   record: () => episodes.toggle(),
   view: () => (stage.view = VIEWS[(VIEWS.indexOf(stage.view) + 1) % VIEWS.length]),
 };
-const controls = new Controls($, pilot, keys, actions);
+const controls = new Controls($, pilot, [keys, pads], actions);
 const episodes = new Episodes($, stage, controls);
-new Help($, keys, controls);
+new Help($, keys, pads, controls);
 followTheme($, viewer);
+window.teleop = { live, latency }; // for the console and for `teleop-bench latency`
 
 // ---- the operator's word goes out when it changes, and every 50 ms
 
 pilot.addEventListener("change", () => {
   if (pilot.engaged && stage.playback) stage.play(null); // nobody drives blind
-  link.send();
+  tell();
 });
-wrists.addEventListener("drag", () => link.send());
+wrists.addEventListener("drag", () => tell());
+for (const type of ["down", "move", "up"]) pads.addEventListener(type, () => latency.moved());
+$("#smooth").checked = wrists.smooth;
+$("#smooth").addEventListener("change", ({ target }) => wrists.setSmooth(target.checked));
 wrists.addEventListener("idle-drag", () => controls.hint("press Engage first (hold Space), then drag", true));
 addEventListener("pagehide", () => link.send());
+roles.addEventListener("change", () => link.send());
 
-let wantsLease = false;
-$("#take").addEventListener("click", () => {
-  wantsLease = true;
+function tell() {
+  latency.sends();
   link.send();
-});
-function taking() {
-  const takes = wantsLease;
-  wantsLease = false;
-  return takes;
+}
+
+async function reset() {
+  pilot.letGo();
+  stage.play(null);
+  const answer = await fetch(`/api/reset?client=${link.id}`, { method: "POST" });
+  if (!answer.ok) controls.hint((await answer.json()).detail, true);
 }
 
 // ---- what comes back
 
 link.addEventListener("answer", ({ detail: answer }) => {
+  roles.hear(answer);
   pilot.hear(answer);
   status.show(answer);
+  crew.show(answer);
   controls.follow(answer);
   wrists.show(answer);
   episodes.show(answer);
   if (answer.error) controls.hint(answer.error, true);
+});
+let way = 0; // of a message, one way [ms]
+link.addEventListener("timed", ({ detail }) => latency.note("network", (way = detail)));
+live.addEventListener("shown", ({ detail: { age, waited } }) => {
+  latency.note("stream", age + way);
+  latency.note("picture", waited);
 });
 link.addEventListener("open", () => ($("#lost").hidden = true));
 link.addEventListener("close", () => {

@@ -1,5 +1,7 @@
 // The controls over the 3D view: their markup. A shadow root keeps viser's styles and ours apart.
 
+import { STAGES } from "./latency.js";
+
 const ICONS = {
   forward: '<path d="M12 19V6M6 11.5 12 5.5l6 6"/>',
   back: '<path d="M12 5v13M6 12.5l6 6 6-6"/>',
@@ -38,9 +40,11 @@ const MARKUP = `
 <main>
   <section class="status card" aria-live="polite">
     <p class="state"><i class="dot"></i><strong id="state">Connecting</strong><span id="reason"></span></p>
-    <p class="crew"><span id="driver"></span><span id="watchers"></span><span id="factor"></span></p>
+    <p class="crew"><button id="crew-button" title="Who drives what" aria-expanded="false"><span id="driver"></span><span id="watchers"></span></button><span id="factor"></span></p>
     <button id="take" class="small" hidden>Take over</button>
+    <p id="request" hidden><span></span><button class="small">Hand over</button></p>
   </section>
+  <section class="members card" id="crew" hidden></section>
 
   <nav class="tools card">
     <div class="views" role="radiogroup" aria-label="View">
@@ -75,14 +79,21 @@ const MARKUP = `
       <button id="straight" class="small">Straighten up</button>
     </details>
     <details><summary>Driving</summary>
-      ${slider("pace", "Pace", 0.1, 1, 0.05, 0.5, "m/s")}
+      ${slider("pace", "Walk", 0.1, 1, 0.05, 0.5, "m/s")}
+      ${slider("side", "Sidestep", 0.05, 0.4, 0.05, 0.25, "m/s")}
+      ${slider("turn", "Turn", 0.1, 1, 0.05, 0.6, "rad/s")}
+      ${slider("deadZone", "Dead zone of sticks", 0, 0.4, 0.02, 0.12, "%")}
+      ${slider("curve", "Response of sticks", 1, 3, 0.1, 1.6, "")}
       <label class="check"><input type="checkbox" id="latch"> A tap on Engage keeps it pressed</label>
+      <label class="check"><input type="checkbox" id="smooth"> Smooth the wrists, for an unsteady hand</label>
     </details>
     <details><summary>Timing</summary>
+      <p class="stages" id="stages" title="From the hand to the picture">${STAGES.map(() => "<i></i>").join("")}</p>
       <table>${[
-        stage("link", "page and back"), stage("queue", "wait for the tick"), stage("ik", "arms"), stage("policy", "legs"),
-        stage("physics", "physics"), stage("publish", "publish"), stage("lateness", "tick late by"), stage("frames", "frames a second"),
-        stage("missed", "ticks missed"),
+        stage("device", "mouse, key or pad"), stage("network", "network"), stage("queue", "wait for the tick"), stage("ik", "arms"),
+        stage("policy", "legs"), stage("physics", "physics"), stage("publish", "publish"), stage("stream", "stream"),
+        stage("picture", "picture"), stage("total", "hand to picture"), stage("filter", "filter of the wrists"),
+        stage("lateness", "tick late by"), stage("frames", "frames a second"), stage("missed", "ticks missed"),
       ].join("")}</table>
     </details>
   </aside>

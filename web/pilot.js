@@ -1,31 +1,40 @@
 // What this page's operator asks for: the enable, the velocity, the posture. Nothing moves unless something is held.
 
-const TURN = 0.6; // rad/s at the ordinary pace
-const BACK = 0.6, SIDE = 0.5; // shares of the pace [m/s]
-const FASTEST = { vx: 1.0, back: 0.6, vy: 0.4, yaw_rate: 1.0 };
+const FASTEST = { pace: 1.0, back: 0.6, side: 0.4, turn: 1.0 }; // what the legs were trained for
+const BACK = 0.6; // share of the pace [m/s]
+const FASTER = 1.8; // while "fast" is held
 const TAP_MS = 350; // a shorter press of a latching Engage keeps it pressed
 const PATIENCE_MS = 1500; // for the robot to follow a press of Engage
 
+const stored = (name, otherwise) => Number(localStorage.getItem(`teleop ${name}`)) || otherwise;
+
 export class Pilot extends EventTarget {
-  #held = new Map(); // who holds -> direction
+  #held = new Map(); // who holds -> {direction, amount}
   #posture = {};
   #pressed = 0;
   #followed = false;
-  #answer = null;
   engaged = false;
   latch = localStorage.getItem("teleop latch") !== "no";
-  pace = Number(localStorage.getItem("teleop pace")) || 0.5; // m/s
+  limits = { pace: stored("pace", 0.5), side: stored("side", 0.25), turn: stored("turn", 0.6) }; // m/s, m/s, rad/s
   fast = false;
 
   // Events: "change", something to tell the server now; "refused" {detail: sentence}.
+
+  constructor(roles) {
+    super();
+    this.roles = roles;
+  }
 
   // ---- the enable
 
   press() {
     if (this.engaged && this.latch) return this.letGo();
     if (this.engaged) return;
-    const { driver, driving } = this.#answer ?? {};
-    if (driver && !driving) return this.#refuse(`${driver} is driving; take over first`);
+    const { roles } = this;
+    if (!roles.wanted.some((role) => roles.may(role))) {
+      const driver = roles.wanted.map((role) => roles.other(role)).find(Boolean);
+      return this.#refuse(driver ? `${driver} is driving; take over first` : "this page only watches; choose a role first");
+    }
     this.engaged = true;
     this.#followed = false;
     this.#pressed = performance.now();
@@ -53,10 +62,18 @@ export class Pilot extends EventTarget {
 
   // ---- the velocity
 
-  // by: the key or pedal; direction: forward, back, left, right, turn-left, turn-right.
-  hold(by, direction) {
+  // by: the key or pedal; direction: forward, back, left, right, turn-left, turn-right; amount: how far it is pressed, 0 to 1.
+  hold(by, direction, amount = 1) {
     if (!this.engaged) return this.#refuse("press Engage first (hold Space)");
-    this.#held.set(by, direction);
+    if (!this.roles.may("legs")) return this.#refuse(`${this.roles.other("legs") ?? "nobody"} drives the legs`);
+    this.#held.set(by, { direction, amount });
+    this.#changed();
+  }
+
+  // A stick or pedal that is held moved on. One that was held before Engage was pressed has to come back first.
+  adjust(by, amount) {
+    if (!this.#held.has(by)) return;
+    this.#held.get(by).amount = amount;
     this.#changed();
   }
 
@@ -64,9 +81,11 @@ export class Pilot extends EventTarget {
     if (this.#held.delete(by)) this.#changed();
   }
 
-  setPace(pace) {
-    this.pace = pace;
-    localStorage.setItem("teleop pace", pace);
+  // name: pace, side or turn.
+  setLimit(name, value) {
+    this.limits[name] = value;
+    localStorage.setItem(`teleop ${name}`, value);
+    if (this.#held.size) this.#changed();
   }
 
   setFast(fast) {
@@ -75,18 +94,18 @@ export class Pilot extends EventTarget {
   }
 
   get holds() {
-    return new Set(this.#held.values());
+    return new Set([...this.#held.values()].map(({ direction }) => direction));
   }
 
   get twist() {
-    const held = this.holds, pace = this.pace * (this.fast ? 1.8 : 1);
-    const axis = (plus, minus) => (held.has(plus) ? 1 : 0) - (held.has(minus) ? 1 : 0);
-    const ahead = axis("forward", "back");
+    const limit = (name) => Math.min(this.limits[name] * (this.fast ? FASTER : 1), FASTEST[name]);
+    const most = (wanted) => Math.max(0, ...[...this.#held.values()].map(({ direction, amount }) => (direction === wanted ? amount : 0)));
+    const ahead = most("forward") - most("back");
     const round = (x) => Math.round(x * 1000) / 1000;
     return {
-      vx: round(ahead > 0 ? Math.min(pace, FASTEST.vx) : ahead * Math.min(BACK * pace, FASTEST.back)),
-      vy: round(axis("left", "right") * Math.min(SIDE * pace, FASTEST.vy)),
-      yaw_rate: round(axis("turn-left", "turn-right") * Math.min((TURN * pace) / 0.5, FASTEST.yaw_rate)),
+      vx: round(ahead * (ahead > 0 ? limit("pace") : Math.min(BACK * limit("pace"), FASTEST.back))),
+      vy: round((most("left") - most("right")) * limit("side")),
+      yaw_rate: round((most("turn-left") - most("turn-right")) * limit("turn")),
     };
   }
 
@@ -105,9 +124,8 @@ export class Pilot extends EventTarget {
   }
 
   hear(answer) {
-    this.#answer = answer;
     if (!this.engaged) return;
-    if (answer.driving && answer.state === "ENGAGED") {
+    if (answer.driving && this.roles.own.state === "ENGAGED") {
       this.#followed = true;
     } else if (this.#followed || performance.now() - this.#pressed > PATIENCE_MS) {
       this.letGo(); // somebody pressed Stop or took over, or the robot fell: only a fresh press goes on

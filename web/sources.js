@@ -4,15 +4,19 @@ const AT_ONCE = 2; // requests on their way: one frame travels while the other i
 const RETRY_MS = [300, 600, 1200, 2000];
 
 // The robot as it is. The server sends one qpos for each request, so frames never pile up.
-export class Live {
+export class Live extends EventTarget {
   #socket = null;
   #newest = null;
+  #head = null; // {tick, age, arrived} of the newest
   #fresh = false;
   #failures = 0;
   connected = false;
   frames = 0; // shown so far
 
+  // Events: "shown" {detail: {tick, age, waited}}: number of the tick, how old its frame was when it was sent and how long it
+  // waited here [ms].
   constructor(url) {
+    super();
     this.url = url;
     this.#open();
   }
@@ -23,6 +27,8 @@ export class Live {
     this.#fresh = false;
     this.frames += 1;
     this.#ask();
+    const { tick, age, arrived } = this.#head;
+    this.dispatchEvent(new CustomEvent("shown", { detail: { tick, age, waited: performance.now() - arrived } }));
     return this.#newest;
   }
 
@@ -45,7 +51,9 @@ export class Live {
     };
     socket.onmessage = ({ data }) => {
       if (this.#fresh) this.#ask(); // the one before was never shown: this one takes its place
-      this.#newest = new Float32Array(data);
+      const head = new DataView(data);
+      this.#head = { tick: head.getUint32(0, true), age: head.getFloat32(4, true), arrived: performance.now() };
+      this.#newest = new Float32Array(data, 8);
       this.#fresh = true;
     };
     socket.onclose = () => {

@@ -1,7 +1,6 @@
-// The status strip: what the robot does, how well, and who drives it.
+// The status strip: what the robot does, and how well.
 
 const WORDS = { STOPPED: "Stopped", HOLD: "Holding", ENGAGED: "Engaged", FAULT: "Fault" };
-const LATENCY = ["queue", "ik", "policy", "physics", "publish", "lateness"];
 const SHOW_MS = 100; // figures that change faster cannot be read
 const AXES = ["vx", "vy", "yaw_rate"];
 
@@ -9,8 +8,8 @@ export class Status {
   #shown = 0;
   #frames = { count: 0, at: 0, rate: 0 };
 
-  constructor($, link, live) {
-    Object.assign(this, { $, link, live });
+  constructor($, roles, latency, live) {
+    Object.assign(this, { $, roles, latency, live });
     this.bars = $.all(".bar").map((element) => ({
       full: Number(element.dataset.full),
       axis: element.dataset.axis,
@@ -21,18 +20,14 @@ export class Status {
   }
 
   show(answer) {
-    const { $ } = this;
-    $.host.dataset.state = answer.state;
+    const { $ } = this, { state, reason } = this.roles.own;
+    $.host.dataset.state = state;
     const now = performance.now();
     if (now - this.#shown < SHOW_MS) return;
     this.#shown = now;
-    text($("#state"), WORDS[answer.state]);
-    text($("#reason"), answer.reason.replace(/^stopped; /, "")); // the word stands before it already
-    text($("#driver"), !answer.driver ? "nobody drives" : answer.driving ? "you drive" : `${answer.driver} drives`);
-    const watchers = answer.clients - (answer.driver ? 1 : 0);
-    text($("#watchers"), watchers === 1 ? "1 watches" : watchers > 1 ? `${watchers} watch` : "");
+    text($("#state"), WORDS[state]);
+    text($("#reason"), reason.replace(/^stopped; /, "")); // the word stands before it already
     text($("#factor"), `${answer.real_time_factor.toFixed(2)}× real time`);
-    $("#take").hidden = !answer.driver || answer.driving;
     this.bars.forEach((bar) => showBar(bar, answer.command[bar.axis], answer.base[bar.axis]));
     this.#timing(answer, now);
   }
@@ -51,9 +46,12 @@ export class Status {
       frames.rate = ((this.live.frames - frames.count) * 1000) / (now - frames.at);
       Object.assign(frames, { count: this.live.frames, at: now });
     }
-    const values = { link: ms(this.link.roundTrip ?? 0), frames: frames.rate.toFixed(0), missed: answer.missed };
-    for (const stage of LATENCY) values[stage] = ms(answer.latency_ms[stage]);
+    const stages = this.latency.of(answer), total = stages.reduce((sum, [, value]) => sum + value, 0);
+    const values = { ...Object.fromEntries(stages.map(([stage, value]) => [stage, ms(value)])), total: ms(total) };
+    Object.assign(values, { lateness: ms(answer.latency_ms.lateness), filter: answer.filter_ms ? ms(answer.filter_ms) : "off" });
+    Object.assign(values, { frames: frames.rate.toFixed(0), missed: answer.missed });
     for (const [stage, value] of Object.entries(values)) text(this.$(`[data-stage=${stage}] td`), value);
+    stages.forEach(([, value], i) => (this.$("#stages").children[i].style.flexGrow = value));
   }
 }
 

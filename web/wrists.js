@@ -16,11 +16,12 @@ const REASONS = {
 export class Wrists extends EventTarget {
   #sides;
   #pending = {};
+  smooth = localStorage.getItem("teleop smooth wrists") === "yes"; // a mouse is exact, the filter would only delay it
 
   // Events: "drag", a handle moved and fields() has news; "idle-drag", one is dragged while the robot does not follow.
-  constructor(viewer, stage, pilot, link, names) {
+  constructor(viewer, stage, pilot, roles, link, names) {
     super();
-    Object.assign(this, { viewer, stage, pilot, link });
+    Object.assign(this, { viewer, stage, pilot, roles, link });
     this.#sides = names.map((name) => ({ ...name, dragged: false, settled: 0 }));
     viewer.addEventListener("drag", ({ detail }) => this.#drag(detail));
     viewer.addEventListener("scene", () => this.#sides.forEach((side) => (side.shown = {})));
@@ -31,18 +32,24 @@ export class Wrists extends EventTarget {
   fields() {
     const wrists = this.#pending;
     this.#pending = {};
-    return Object.keys(wrists).length ? { wrists } : {};
+    return { smooth: this.smooth, ...(Object.keys(wrists).length ? { wrists } : {}) };
+  }
+
+  setSmooth(smooth) {
+    this.smooth = smooth;
+    localStorage.setItem("teleop smooth wrists", smooth ? "yes" : "no");
   }
 
   // Show an answer of the server.
   show(answer) {
-    const usable = !this.stage.playback && (answer.driving || !answer.driver);
+    const usable = !this.stage.playback && this.roles.may("arms");
+    const engaged = answer.roles.arms.state === "ENGAGED";
     this.#sides.forEach((side, i) => {
       const wrist = answer.wrists[SIDES[i]];
-      const follows = answer.state === "ENGAGED" && !wrist.let_go;
+      const follows = engaged && !wrist.let_go;
       this.#visible(side, side.handle, usable);
       if (!side.dragged && answer.seq >= side.settled) this.#place(side, side.handle, follows ? wrist.target : wrist.reachable);
-      this.#ghost(side, wrist, answer.state === "ENGAGED" && !this.stage.playback);
+      this.#ghost(side, wrist, engaged && !this.stage.playback);
     });
   }
 

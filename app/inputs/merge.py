@@ -20,24 +20,28 @@ class Merged:
     """Only the role's fields of it count, and `engage`."""
     given: tuple[bool, bool] = (False, False)
     """Which wrists were set since the last press, left and right."""
+    smooth: bool = False
+    """The wrists' targets shall be filtered."""
     presses: int = 0
     """Fresh presses of Engage: released before, pressed now."""
 
     def handed_over(self, engaged: bool = False) -> Merged:
         """Another driver begins, or none; an Engage that is held already (`engaged`) is no press."""
-        return replace(self, command=replace(self.command, engage=engaged).still())
+        return replace(self, command=replace(self.command, engage=engaged).still(), smooth=False)
 
     def with_message(self, message: OperatorMessage, applied: Command) -> Merged:
         """What the message says on top. A press starts from `applied`, what the robot does now."""
         base = self
         if message.engage and not self.command.engage:
-            base = Merged(self.role, applied.still(), presses=self.presses + 1)
+            base = Merged(self.role, applied.still(), smooth=self.smooth, presses=self.presses + 1)
         fields = _arms(message, base.command) if self.role == "arms" else _legs(message)
         if message.engage is not None:
             fields["engage"] = message.engage
         given = self.role == "arms" and message.wrists and (message.wrists.left is not None, message.wrists.right is not None)
         left, right = given or (False, False)
-        return replace(base, command=replace(base.command, **fields), given=(base.given[0] or left, base.given[1] or right))
+        smooth = self.smooth if message.smooth is None else message.smooth
+        given = (base.given[0] or left, base.given[1] or right)
+        return replace(base, command=replace(base.command, **fields), smooth=smooth, given=given)
 
 
 def combined(arms: Command, legs: Command) -> Command:

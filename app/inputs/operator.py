@@ -12,7 +12,7 @@ from app import clock
 from app.arbiter import ROLES, Lease, Role
 from app.guard import sane
 from app.inputs.merge import Merged, combined
-from app.protocol import OperatorMessage
+from app.protocol import OperatorMessage, PageTiming
 from app.shared import COMMAND, Ring
 from policies.command import Command
 
@@ -32,11 +32,16 @@ class Client:
     """It would like what others drive of that."""
     engage: bool = False
     """Its Engage is held."""
+    timing: PageTiming = field(default_factory=PageTiming)
+    """What its page told of that."""
+    heard: float = 0.0
+    """When the newest message came, monotonic [s]."""
     error: str | None = None
     """Why a message was refused; nobody told the client yet."""
 
-    def says(self, message: OperatorMessage) -> None:
+    def says(self, message: OperatorMessage, now: float) -> None:
         """Keep what the message says about the client itself."""
+        self.heard, self.timing = now, message.timing or self.timing
         self.seq, self.name, self.asks = message.seq, message.name or self.name, message.ask
         self.roles = self.roles if message.roles is None else tuple(message.roles)
         self.engage = self.engage if message.engage is None else message.engage
@@ -94,11 +99,12 @@ class Operators:
         stamp = clock.nanoseconds()
         with self._lock:
             held = client.engage
-            client.says(message)
-            changed = self._expire(stamp * 1e-9) | self._leave(client, tuple(role for role in ROLES if role not in client.roles))
+            client.says(message, stamp * 1e-9)
+            changed = self._expire(stamp * 1e-9)
+            if message.give:
+                changed |= self._give(client, message.give, stamp)
+            changed |= self._leave(client, tuple(role for role in ROLES if role not in client.roles))
             driven = [role for role in client.roles if self._drives(role, client, message, stamp * 1e-9, held)]
-            if message.give and (given := self._give(client, driven, message.give, stamp)):
-                driven, changed = [role for role in driven if role not in given], True
             if changed:
                 self._write()
             if driven:
@@ -144,15 +150,15 @@ class Operators:
             seat.hand_over(engaged=held or (message.take and client.engage))
         return drives
 
-    def _give(self, client: Client, driven: list[Role], key: str, stamp: int) -> list[Role]:
-        """Hand what the client drives and another one wants to that one. Returns what was given."""
-        other = self._clients.get(key)
-        given = [role for role in driven if other and other is not client and role in other.roles]
-        for seat in (self._seats[role] for role in given):
+    def _give(self, client: Client, key: str, stamp: int) -> bool:
+        """Hand what the client drives and another one wants to that one. Returns whether there was such."""
+        other = self._clients.get(key, client)
+        given = [self._seats[role] for role in other.roles if other is not client and self._seats[role].lease.holder == client.key]
+        for seat in given:
             seat.lease.give(key, stamp * 1e-9)
-            seat.hand_over(bool(other and other.engage))
+            seat.hand_over(other.engage)
             seat.stamp = stamp
-        return given
+        return bool(given)
 
     def _leave(self, client: Client, roles: tuple[Role, ...]) -> bool:
         """Free these roles if the client has them. Returns whether it had one."""
@@ -197,6 +203,7 @@ class Operators:
         record["engage"] = [part.command.engage for part in parts.values()]
         record["presses"] = [part.presses for part in parts.values()]
         record["vector"], record["given"] = _command(parts).vector(), parts["arms"].given
+        record["smooth"] = parts["arms"].smooth
         record["stops"], record["resets"] = self._stops, self._resets
         self._commands.push(record)
 

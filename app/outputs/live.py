@@ -45,7 +45,7 @@ def router(description: SceneDescription, newest: Callable[[], np.void]) -> APIR
 
     @api.websocket("/api/scene")
     async def live(socket: WebSocket) -> None:
-        """Any text asks for one qpos [nq], little-endian float32, newer than the last one."""
+        """Any text asks for one frame newer than the last one: see app.outputs.live.frame."""
         await socket.accept()
         if len(pages) >= CLIENTS:
             await socket.close(FULL, f"{CLIENTS} pages are open already")
@@ -60,6 +60,13 @@ def router(description: SceneDescription, newest: Callable[[], np.void]) -> APIR
     return api
 
 
+def frame(snapshot: np.void) -> bytes:
+    """What a page is sent, little-endian: number of the tick (uint32), age when it was sent [ms] (float32), qpos [nq] (float32)."""
+    age = (clock.nanoseconds() - int(snapshot["stamp"])) * 1e-6
+    head = np.array([(snapshot["tick"] % 2**32, age)], dtype=[("tick", "<u4"), ("age", "<f4")])
+    return head.tobytes() + snapshot["qpos"].astype("<f4").tobytes()
+
+
 async def _serve(socket: WebSocket, newest: Callable[[], np.void]) -> None:
     """One newest qpos for each request, until the socket closes."""
     shown = None
@@ -69,4 +76,4 @@ async def _serve(socket: WebSocket, newest: Callable[[], np.void]) -> None:
         while (snapshot := newest())["stamp"] == shown and clock.now() - waits < STANDSTILL:
             await asyncio.sleep(POLL)
         shown = snapshot["stamp"]
-        await asyncio.wait_for(socket.send_bytes(snapshot["qpos"].astype("<f4").tobytes()), BLOCKED)
+        await asyncio.wait_for(socket.send_bytes(frame(snapshot)), BLOCKED)

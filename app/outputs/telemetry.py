@@ -10,12 +10,14 @@ from app import clock
 from app.arbiter import Role
 from app.inputs.operator import Client, Operators
 from app.mode import Mode, Reason
-from app.protocol import Applied, Base, BothWrists, Health, Latency, Part, Parts, Percentiles, Pose, Wrist
+from app.protocol import Applied, Base, BothWrists, Health, Latency, PageTiming, Part, Parts, Percentiles, Pose, Wrist
 from app.shared import Ring
 from app.simulation import Simulation
 from policies.command import Command
 from policies.episode import STAGES
 
+NO_PAGE = dict.fromkeys(PageTiming.model_fields)
+"""Stages that only a page can time, and no page that told."""
 STATISTICS_PERIOD = 0.5
 """How often percentiles are taken [s]."""
 
@@ -65,7 +67,8 @@ class Telemetry:
             missed=int(snapshot["missed"]),
             lateness_ms=timing.lateness_ms,
             ik_ms=timing.ik_ms,
-            latency_ms=timing.latency_ms,
+            latency_ms=_with_page(timing.latency_ms, drivers),
+            filter_ms=round(float(snapshot["filter"]), 1),
             scheduler=self._simulation.scheduler,
             upright=bool(snapshot["upright"]),
             base=Base(**dict(zip(Base.model_fields, snapshot["base"].tolist(), strict=True))),
@@ -85,6 +88,12 @@ class Telemetry:
         return self._statistics
 
 
+def _with_page(latency: Latency, drivers: dict[Role, Client | None]) -> Latency:
+    """With what the drivers' pages timed."""
+    told = [dict(driver.timing) for driver in drivers.values() if driver]
+    return latency.model_copy(update={name: next((t[name] for t in told if t[name] is not None), None) for name in NO_PAGE})
+
+
 def _parts(snapshot: np.void, drivers: dict[Role, Client | None], lost: bool) -> Parts:
     parts = {}
     for i, (role, driver) in enumerate(drivers.items()):
@@ -101,7 +110,7 @@ def _measure(snapshots: Ring, policy_rate: float) -> Timing:
         real_time_factor=(len(stamps) - 1) / policy_rate / wall if wall > 0 else 1.0,
         lateness_ms=_percentiles(stages[:, STAGES.index("lateness")]),
         ik_ms=_percentiles(stages[:, STAGES.index("ik")]),
-        latency_ms=Latency(**dict(zip(STAGES, np.median(stages, axis=0).round(3).tolist(), strict=True))),
+        latency_ms=Latency(**dict(zip(STAGES, np.median(stages, axis=0).round(3).tolist(), strict=True)), **NO_PAGE),
     )
 
 

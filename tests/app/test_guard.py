@@ -315,3 +315,17 @@ def _check_step(before: Command, after: Command) -> None:
         assert np.linalg.norm(now[:3] - was[:3]) <= WRIST_SPEED * DT + 1e-9
         turned = 2 * np.arccos(np.clip(abs(was[3:] @ now[3:]), 0, 1))
         assert turned <= WRIST_TURN * DT + 1e-6
+
+
+def test_a_filtered_wrist_is_late_and_says_so_and_a_jump_still_lets_go(engaged: Bench) -> None:
+    engaged.ask = replace(engaged.ask, smooth=True)
+    wanted = shifted(0.05, 0, 0)
+    first = engaged.drive(0.1, wrists=wanted).wrists[0, 0] - HOME.wrists[0, 0]
+    assert 0 < first < 0.05
+    assert engaged.guard.limiter.delay > 0.01
+    np.testing.assert_allclose(engaged.drive(2.0, wrists=wanted).wrists, wanted, atol=1e-3)
+    engaged.drive(0.1, wrists=shifted(0.4, 0, 0))
+    assert engaged.guard.limiter.let_go.all()
+    engaged.ask = replace(engaged.ask, smooth=False)
+    engaged.drive(0.1, wrists=wanted)
+    assert engaged.guard.limiter.delay == 0

@@ -183,7 +183,7 @@ def test_a_driver_hands_over_what_another_one_asks_for(desk: Desk) -> None:
     ada, bo = desk.operators.join(), desk.operators.join()
     desk.say(ada, engage=True, twist={"vx": 0.5})
     desk.say(bo, roles=["legs"], engage=False, ask=True)
-    desk.say(ada, engage=True, give=bo.key)
+    desk.say(ada, engage=True, roles=["arms"], give=bo.key)
     assert desk.drivers == [ada, bo]
     assert desk.record["driver"].tolist() == [1, 2]
     assert not desk.command.twist.any()

@@ -1,186 +1,18 @@
-"""The real page in Chromium, in front of the real server: what a person does with it, seen from the robot's side.
-
-Drawing without a graphics processor takes all of a small machine, so pages draw nothing where nothing is dragged.
-"""
+"""The real page in Chromium, in front of the real server: what a person does with it, seen from the robot's side."""
 
 from __future__ import annotations
 
-import json
-import os
-import re
-import shutil
-import signal
-import subprocess
-import sys
-import threading
 import time
-import urllib.request
-from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from browser import PICTURES_ON_DEMAND, SOON, VIEW, Another, Robot, best_of_three, click, engage, stopped_within, walk
+from playwright.sync_api import Page
 from stand_ins import eventually
-from websockets.sync.client import connect
 
 from robots import catalog
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = [
-    "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--no-first-run",
-    "--enable-unsafe-swiftshader",
-]  # fmt: skip
-VIEW = {"width": 300, "height": 220}
-NO_PICTURES = "window.requestAnimationFrame = () => 0"
-FEW_PICTURES = "window.requestAnimationFrame = (draw) => setTimeout(() => draw(performance.now()), 400)"
-STOPWATCH = "for (const event of ['keyup', 'blur', 'pagehide']) addEventListener(event, () => (window.happened = Date.now()), true)"
-"""Hears an event before the page does."""
-CALM = """async () => {
-  for (let calm = 0, before = performance.now(); calm < 20;) {
-    await new Promise((resume) => setTimeout(resume, 50));
-    const now = performance.now();
-    calm = now - before < 150 ? calm + 1 : 0;
-    before = now;
-  }
-}"""
-"""Resolves when the page runs evenly: its first pictures take long to prepare."""
-SOON = 0.3
-"""The promise for a velocity command that nobody holds any more [s]."""
-START = 60.0
-"""For a busy machine to start the program or the page [s]."""
-
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium: apt-get install chromium")
-
-
-class Robot:
-    """A running `teleop`."""
-
-    def __init__(self, recordings: Path) -> None:
-        command = [sys.executable, "-m", "app", "--port", "0", "--recordings", os.fspath(recordings)]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        assert self._process.stdout is not None
-        said = []
-        for line in self._process.stdout:
-            said.append(line)
-            if found := re.search(r"http://\S+", line):
-                self.url = found[0]
-                return
-        pytest.fail("teleop did not start: " + "".join(said))
-
-    def ask(self, path: str, method: str = "GET") -> Any:
-        with urllib.request.urlopen(urllib.request.Request(self.url + path, method=method), timeout=20) as answer:
-            text = answer.read()
-        return json.loads(text) if text else None
-
-    @property
-    def health(self) -> dict[str, Any]:
-        return self.ask("/api/health")
-
-    @property
-    def vx(self) -> float:
-        return self.health["command"]["vx"]
-
-    def close(self) -> None:
-        self._process.send_signal(signal.SIGTERM)
-        self._process.communicate(timeout=15)
-
-
-@pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
-    robot = Robot(tmp_path_factory.mktemp("recordings"))
-    yield robot
-    robot.close()
-
-
-@pytest.fixture
-def robot(running: Robot) -> Robot:
-    running.ask("/api/reset", "POST")
-    eventually(lambda: running.health["state"] == "STOPPED" and running.health["driver"] is None)
-    return running
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield chromium
-        chromium.close()
-
-
-@pytest.fixture
-def pages(browser: Browser, robot: Robot) -> Iterator[Callable[..., Page]]:
-    """Opens pages, each in a browser profile of its own; a script error in one fails the test."""
-    contexts, errors = [], []
-
-    def opened(pictures: str = NO_PICTURES, **options: Any) -> Page:
-        context = browser.new_context(viewport=VIEW, **options)
-        contexts.append(context)
-        page = context.new_page()
-        page.add_init_script(f"{pictures}; {STOPWATCH}")
-        page.on("pageerror", lambda error: errors.append(error))
-        page.goto(robot.url)
-        page.wait_for_function(
-            "['STOPPED', 'HOLD', 'ENGAGED'].includes(document.querySelector('#teleop')?.dataset.state)", timeout=START * 1e3, polling=50
-        )
-        return page
-
-    yield opened
-    for context in contexts:
-        context.close()
-    assert errors == []
-
-
-def click(page: Page, selector: str) -> None:
-    """Without waiting for drawn frames, as page.click would."""
-    page.locator(selector).evaluate("element => element.click()")
-
-
-def engage(page: Page, robot: Robot) -> None:
-    """Tap Engage until the robot follows: a page that the machine kept from running for 200 ms is let go of, rightly."""
-
-    def follows() -> bool:
-        page.keyboard.press("Space")
-        until = time.monotonic() + 1.0
-        while time.monotonic() < until:
-            if robot.health["state"] == "ENGAGED":
-                return page.locator("#engage.on").count() == 1
-            time.sleep(0.02)
-        return False
-
-    eventually(follows, 30)
-
-
-def walk(page: Page, robot: Robot) -> None:
-    """Hold W until the robot is told to walk at the pace."""
-
-    def walks() -> bool:
-        engage(page, robot)
-        page.keyboard.up("w")
-        page.keyboard.down("w")
-        until = time.monotonic() + 1.0
-        while time.monotonic() < until:
-            if robot.vx > 0.49:
-                return True
-            time.sleep(0.02)
-        return False
-
-    eventually(walks, 60)
-
-
-def stopped_within(page: Page, robot: Robot, act: Callable[[], object]) -> float:
-    """Seconds from the event that `act` brings about until the velocity command is zero."""
-    act()
-    while robot.vx != 0:
-        time.sleep(0.005)
-    return time.time() - page.evaluate("window.happened") / 1e3
-
-
-def best_of_three(measure: Callable[[], float]) -> float:
-    """Machines that run tests are busy: the promise is the program's, not the machine's."""
-    return min(measure() for _ in range(3))
 
 
 def test_engage_and_w_make_it_walk_and_letting_go_makes_it_stand(pages, robot):
@@ -311,39 +143,100 @@ def test_a_watcher_drives_nothing_until_it_takes_over(pages, robot):
         engage(page, robot)
 
 
-class Another:
-    """Another operator, who drives: engaged, standing."""
+def test_dragging_a_handle_moves_the_wrist(pages, robot):
+    page = pages(PICTURES_ON_DEMAND)
+    at = robot.health["wrists"]["left"]["actual"]
+    tip = _put_camera_beside(page, robot, at)
 
-    def __init__(self, robot: Robot, name: str) -> None:
-        self._socket = connect(robot.url.replace("http", "ws") + "/api/operator", compression=None)
-        self._message = json.dumps({"seq": 0, "engage": True, "name": name})
-        self._thread, self._leaves = threading.Thread(target=self._drive), threading.Event()
+    def dragged() -> bool:
+        engage(page, robot)
+        page.evaluate("draw(), (window.drags = [])")
+        page.mouse.move(*tip)
+        page.mouse.down()
+        for step in (10, 20, 30, 40):
+            page.mouse.move(tip[0] + step, tip[1])
+        page.mouse.up()
+        return page.evaluate("drags.length") > 0
 
-    def __enter__(self) -> None:
-        self._thread.start()
+    eventually(dragged, 60)
+    wanted = page.evaluate("drags.at(-1)")
+    assert wanted[0] > at["position"][0] + 0.05
+    assert abs(wanted[1] - at["position"][1]) < 0.02  # along the arrow
 
-    def __exit__(self, *_: object) -> None:
-        self._leaves.set()
-        self._thread.join()
-        self._socket.close()
+    def arrived() -> bool:
+        return np.linalg.norm(np.subtract(robot.health["wrists"]["left"]["actual"]["position"], wanted)) < 0.03
 
-    def _drive(self) -> None:
-        while not self._leaves.wait(0.05):
-            self._socket.send(self._message)
+    eventually(arrived, 10)
+    right = robot.health["wrists"]["right"]["target"]["position"]
+    assert np.linalg.norm(np.subtract(right, at["position"] * np.array([1, -1, 1]))) < 0.05
 
 
 def _put_camera_beside(page: Page, robot: Robot, wrist: dict[str, Any]) -> tuple[float, float]:
     """Look at the left wrist from its left. Returns where the middle of its forward arrow is on the screen."""
     base, away, fov = robot.health["base"], 0.9, 0.7
     spot = np.add(wrist["position"], [0, 0, base["z"]])  # the robot stands at the origin and looks along x
-    page.evaluate("view => teleopTap.deliver(view)", [
-        {"type": "SetCameraPositionMessage", "position": np.add(spot, [0, away, 0]).tolist(), "initial": False},
-        {"type": "SetCameraLookAtMessage", "look_at": spot.tolist(), "initial": False},
-        {"type": "SetCameraFovMessage", "fov": fov, "initial": False},
-    ])  # fmt: skip
+    camera = np.add(spot, [0, away, 0]).tolist()
+    page.evaluate("""() => teleopTap.addEventListener("sent", ({ detail }) => {
+        if (detail.type === "ViewerCameraMessage") window.camera = detail.position;
+        if (detail.type === "TransformControlsUpdateMessage") window.drags?.push(detail.position);
+    })""")
+
+    def beside() -> bool:
+        page.evaluate("draw()")
+        page.evaluate("view => teleopTap.deliver(view)", [
+            {"type": "SetCameraPositionMessage", "position": camera, "initial": False},
+            {"type": "SetCameraLookAtMessage", "look_at": spot.tolist(), "initial": False},
+            {"type": "SetCameraFovMessage", "fov": fov, "initial": False},
+        ])  # fmt: skip
+        page.evaluate("draw()")
+        return np.linalg.norm(np.subtract(page.evaluate("window.camera ?? [0, 0, 0]"), camera)) < 0.01
+
+    eventually(beside, 60)
     pixels_a_metre = VIEW["height"] / 2 / np.tan(fov / 2) / away
-    time.sleep(2)
     return VIEW["width"] / 2 - 0.07 * pixels_a_metre, VIEW["height"] / 2  # x is to the left from there
+
+
+def test_two_pages_drive_a_role_each_and_a_third_watches(pages, robot):
+    legs, arms, watcher = pages(path="/?role=legs"), pages(path="/?role=arms"), pages()
+    walk(legs, robot)
+    engage(arms, robot)
+    roles = robot.health["roles"]
+    assert [roles[role]["state"] for role in ("arms", "legs")] == ["ENGAGED", "ENGAGED"]
+    assert roles["arms"]["driver"] != roles["legs"]["driver"]
+    watcher.keyboard.press("Space")
+    watcher.keyboard.down("s")
+    arms.keyboard.down("s")  # the arms' pedals walk nobody
+    time.sleep(0.3)
+    assert robot.health["roles"]["legs"]["driver"] == roles["legs"]["driver"]
+    assert robot.vx >= 0
+    click(watcher, "#take")
+    eventually(lambda: robot.health["roles"]["arms"]["state"] == robot.health["roles"]["legs"]["state"] == "HOLD", 2)
+    assert robot.health["driver"] not in (None, roles["arms"]["driver"], roles["legs"]["driver"])
+
+
+def test_a_phone_asks_for_the_legs_and_is_handed_them(pages, robot):
+    laptop, phone = pages(), pages(path="/?role=legs", has_touch=True)
+    engage(laptop, robot)
+    phone.evaluate("localStorage.setItem('teleop name', 'Bo')")
+    phone.reload()
+    eventually(lambda: phone.locator("#take:not([hidden])").count())
+    click(phone, "#crew-button")
+    click(phone, "[data-role=legs] [data-do=ask]")
+    eventually(lambda: "Bo asks for the legs" in (laptop.locator("#request:not([hidden])").all_text_contents() or [""])[0])
+    click(laptop, "#request button")
+    eventually(lambda: robot.health["roles"]["legs"]["driver"] == "Bo")
+    assert robot.health["roles"]["arms"]["driver"] != "Bo"
+    engage(phone, robot)
+    click(phone, "[data-role=legs] [data-do=release]")
+    eventually(lambda: robot.health["roles"]["legs"]["driver"] is None)
+
+
+def test_a_link_for_a_phone_is_drawn(pages, robot):
+    page = pages()
+    click(page, "#crew-button")
+    click(page, "[data-invite=legs]")
+    eventually(lambda: page.locator("#invite svg path").count())
+    assert page.locator("#invite a").get_attribute("href") == f"{robot.url}/?role=legs"
 
 
 def test_the_page_places_every_body_where_mujoco_does(pages, robot):

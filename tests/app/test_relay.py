@@ -48,7 +48,7 @@ MODEL = """
 </mujoco>
 """
 NQ = 9
-SNAPSHOT = np.dtype([("stamp", "<i8"), ("qpos", "<f8", (NQ,))])
+SNAPSHOT = np.dtype([("tick", "<u8"), ("stamp", "<i8"), ("qpos", "<f8", (NQ,))])
 VISER = Subprotocol(f"viser-v{viser.__version__}")
 
 
@@ -73,7 +73,7 @@ class Site:
 
     def newest(self) -> np.void:
         snapshot = np.zeros((), SNAPSHOT)
-        snapshot["stamp"], snapshot["qpos"] = self.stamp, self.stamp
+        snapshot["tick"], snapshot["stamp"], snapshot["qpos"] = self.stamp, self.stamp, self.stamp
         return snapshot[()]
 
     def close(self) -> None:
@@ -256,7 +256,10 @@ def test_a_robot_that_stands_still_is_told_again(site, monkeypatch):
 def _pose(page: ClientConnection) -> list[float]:
     message = page.recv(timeout=5)
     assert isinstance(message, bytes)
-    return np.frombuffer(message, "<f4").tolist()
+    tick, age = int(np.frombuffer(message, "<u4", 1)[0]), float(np.frombuffer(message, "<f4", 1, 4)[0])
+    pose = np.frombuffer(message, "<f4", offset=8).tolist()
+    assert (tick, age > 0) == (pose[0], True)
+    return pose
 
 
 @pytest.mark.parametrize("path", ["/api/scene", "/"])
