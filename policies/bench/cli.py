@@ -11,7 +11,7 @@ from typing import Annotated
 
 import tyro
 
-from policies.bench import arms, drive, hands, soak, speed, walk
+from policies.bench import arms, drive, hands, latency, soak, speed, walk
 from policies.errors import PolicyError
 from robots.errors import RobotError
 
@@ -21,6 +21,7 @@ Bench = (
     | Annotated[drive.DriveBench, tyro.conf.subcommand("drive")]
     | Annotated[soak.SoakBench, tyro.conf.subcommand("soak")]
     | Annotated[arms.ArmsBench, tyro.conf.subcommand("arms")]
+    | Annotated[latency.LatencyBench, tyro.conf.subcommand("latency")]
     | Annotated[hands.HandsBench, tyro.conf.subcommand("hands")]
 )
 
@@ -40,6 +41,8 @@ def main() -> None:
                 soak.run(config)
             case arms.ArmsBench():
                 arms.run(config)
+            case latency.LatencyBench():
+                latency.run(config)
             case hands.HandsBench():
                 hands.run(config)
     except (PolicyError, RobotError) as error:
