@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,13 @@ def write_rows(path: Path, columns: Mapping[str, np.ndarray], metadata: Mapping[
     pq.write_table(table.replace_schema_metadata(metadata), path)
 
 
-def write_records(path: Path, records: list[Mapping[str, Any]], metadata: Mapping[str, str] | None = None) -> None:
+def write_records(path: Path, records: Sequence[Mapping[str, Any]], metadata: Mapping[str, str] | None = None) -> None:
     """One Parquet file of records, their types as pyarrow infers them."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    pq.write_table(pa.Table.from_pylist(records).replace_schema_metadata(metadata), path)
+    pq.write_table(pa.Table.from_pylist(list(records)).replace_schema_metadata(metadata), path)
 
 
 def read_rows(path: Path, names: Iterable[str]) -> dict[str, np.ndarray]:

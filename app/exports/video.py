@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,7 @@ def count_pictures(path: Path) -> int:
         return sum(1 for _ in container.decode(video=0))
 
 
-def description(size: tuple[int, int], fps: int) -> dict[str, object]:
+def description(size: tuple[int, int], fps: int) -> dict[str, Any]:
     """What LeRobot keeps of a video beside its name."""
     width, height = size
     shape = {"video.height": height, "video.width": width, "video.channels": 3, "video.fps": fps}
