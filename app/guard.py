@@ -7,7 +7,7 @@ of the roles that somebody drives.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -75,6 +75,8 @@ class Ask:
     stops: int
     resets: int
     """Counters of Stop and of Reset."""
+    seed: int = 0
+    """Where the newest reset puts the robot (see Plant.reset)."""
 
     @property
     def stamp(self) -> float:
@@ -115,10 +117,10 @@ class Guard:
         self._now = np.inf
         self.reset(Reason.STARTED)
 
-    def reset(self, reason: Reason = Reason.RESET) -> None:
-        """Back to STOPPED at home; the robot has been put there."""
+    def reset(self, reason: Reason = Reason.RESET, wrists: np.ndarray | None = None) -> None:
+        """Back to STOPPED at home; the robot has been put there. Its arms stay where `wrists` [2, 7] are."""
         self._put(Mode.STOPPED, reason)
-        self.limiter = Limiter(self.home, self.dt)
+        self.limiter = Limiter(self.home if wrists is None else replace(self.home, wrists=wrists), self.dt)
 
     def fault(self, reason: Reason) -> None:
         """Latch a fault; the first one stays."""
@@ -214,4 +216,4 @@ def ask_from(record: np.void | None, serial: int) -> Ask:
     flags = {name: record[name].astype(bool) for name in ("given", "engage")}
     counters = {name: record[name].astype(int) for name in ("driver", "presses")}
     stops, resets, smooth = int(record["stops"]), int(record["resets"]), bool(record["smooth"])
-    return Ask(serial, record["vector"], smooth=smooth, stamps=stamps, stops=stops, resets=resets, **flags, **counters)
+    return Ask(serial, record["vector"], smooth=smooth, stamps=stamps, stops=stops, resets=resets, seed=int(record["seed"]), **flags, **counters)

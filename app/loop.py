@@ -60,8 +60,8 @@ class Loop:
         """Obey a press of Reset; whenever the state was set from outside, the policy forgets the past."""
         if ask.resets != self._resets:
             self._resets = ask.resets
-            self.state = self.physics.reset()
-            self.guard.reset()
+            self.state = self.physics.reset(ask.seed)
+            self.guard.reset(wrists=self.physics.wrists())
         if self.physics.was_set:
             self.pilot.reset(self.state)
 

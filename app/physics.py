@@ -36,10 +36,10 @@ class Physics:
         self._sites = [plant.model.site(name).id for name in plant.spec.wrists]
         self._pelvis = plant.model.body(plant.spec.bodies[0].name).id
 
-    def reset(self) -> State:
-        """Put the robot back home."""
+    def reset(self, seed: int = 0) -> State:
+        """Put the robot back home, or near it (see Plant.reset)."""
         self.was_set = True
-        return self.plant.reset()
+        return self.plant.reset(seed)
 
     def step(self, target: Target) -> State:
         """Simulate one tick, or go back to the last good state."""

@@ -6,8 +6,9 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
+from typing import Annotated
 
-from fastapi import APIRouter, FastAPI, HTTPException, Request, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, FastAPI, HTTPException, Query, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import JSONResponse
 from fastapi_offline import FastAPIOffline
 from pydantic import ValidationError
@@ -35,7 +36,7 @@ NOT_TEXT, NOT_JSON, TOO_MANY, TOO_BIG, FULL = 1003, 1007, 1008, 1009, 1013
 def create_app(
     health: Callable[[], Health],
     operators: Operators,
-    reset: Callable[[], None],
+    reset: Callable[[int], None],
     host: str,
     routers: Sequence[APIRouter] = (),
     names: Sequence[str] = (),
@@ -46,7 +47,7 @@ def create_app(
     Args:
         health: the record of this moment.
         operators: who drives.
-        reset: puts the robot back home, and starts the simulation again if it is lost; may block.
+        reset: puts the robot back home, varied by a seed other than 0; starts the simulation again if it is lost; may block.
         host: the configured host name.
         routers: page, episodes.
         names: further names of this machine.
@@ -63,7 +64,7 @@ def create_app(
     return app
 
 
-def _control(health: Callable[[], Health], operators: Operators, reset: Callable[[], None]) -> APIRouter:
+def _control(health: Callable[[], Health], operators: Operators, reset: Callable[[int], None]) -> APIRouter:
     router = APIRouter(tags=["robot"])
 
     @router.get("/health")
@@ -77,8 +78,8 @@ def _control(health: Callable[[], Health], operators: Operators, reset: Callable
         operators.stop()
 
     @router.post("/reset", responses={409: {"description": "Somebody else drives."}})
-    def reset_robot(client: str | None = None) -> None:
-        """Put the robot back home, standing and STOPPED; clears a fault.
+    def reset_robot(client: str | None = None, seed: Annotated[int, Query(ge=0, lt=2**32)] = 0) -> None:
+        """Put the robot back home, standing and STOPPED; clears a fault. A seed other than 0 draws a start near home from it.
 
         It moves the robot at once, so while the robot follows somebody only a driver may (`client`: the id in its answers).
         Anybody else stops it first, which anyone may, or takes over: what a driver holds in hand never jumps for a stranger.
@@ -86,7 +87,7 @@ def _control(health: Callable[[], Health], operators: Operators, reset: Callable
         following = {part.driver for part in vars(health().roles).values() if part.driver and part.state == "ENGAGED"}
         if following and client not in {driver.key for driver in operators.drivers.values() if driver}:
             raise HTTPException(409, f"the robot follows {' and '.join(following)}; stop it first (POST /api/stop), then reset")
-        reset()
+        reset(seed)
 
     @router.websocket("/operator")
     async def operator(socket: WebSocket) -> None:

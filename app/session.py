@@ -95,12 +95,12 @@ class Session:
         recorder = self.episodes.recorder.status()
         return self._telemetry.health(recorder.open.id if recorder.open else None, recorder.alarm)
 
-    def reset(self) -> None:
-        """Put the robot back home; start the simulation again if it is lost (blocks until it stands)."""
+    def reset(self, seed: int = 0) -> None:
+        """Put the robot back home, or near it by a seed; start the simulation again if it is lost (blocks until it stands)."""
         if self.simulation.lost:
             self.simulation.restart()
         else:
-            self.operators.reset()
+            self.operators.reset(seed)
 
     def close(self) -> None:
         """End the open episode, then the simulation."""

@@ -27,6 +27,7 @@ COMMAND = np.dtype(
         ("smooth", "u1"),  # 1: the wrists' targets are filtered
         ("stops", "<u4"),  # counts presses of Stop
         ("resets", "<u4"),  # counts presses of Reset
+        ("seed", "<u4"),  # of the newest reset: 0 is home, another one draws a start near it
     ]
 )
 """What the web process asks."""

@@ -11,6 +11,9 @@ from robots.senses import Senses
 from robots.state import State
 from robots.target import Target
 
+PLACE, HEADING, ARMS = 0.15, np.deg2rad(20), 0.12
+"""How far a varied start is from home: along x and y [m], about the vertical [rad], each arm joint [rad]."""
+
 
 class Plant:
     """A robot standing at home, stepped one policy tick (1 / `policy_rate`) at a time."""
@@ -23,9 +26,11 @@ class Plant:
         self._senses = Senses(self.model, robot.spec)
         self.reset()
 
-    def reset(self) -> State:
-        """Back to the home key frame at time 0."""
+    def reset(self, seed: int = 0) -> State:
+        """Back to the home key frame at time 0. A seed other than 0 draws place, heading and arms near it, always the same ones."""
         mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("home").id)
+        if seed:
+            self._vary(np.random.default_rng(seed))
         mujoco.mj_forward(self.model, self.data)
         return self.state()
 
@@ -63,3 +68,11 @@ class Plant:
         mujoco.mj_setState(self.model, self.data, row, mujoco.mjtState.mjSTATE_INTEGRATION)
         mujoco.mj_forward(self.model, self.data)
         return self.state()
+
+    def _vary(self, random: np.random.Generator) -> None:
+        qpos, arms = self.data.qpos, self.spec.group("arms")
+        place, yaw = random.uniform(-PLACE, PLACE, 2), random.uniform(-HEADING, HEADING)
+        angles = self.spec.home[arms] + random.uniform(-ARMS, ARMS, arms.stop - arms.start)
+        qpos[:2] += place
+        mujoco.mju_axisAngle2Quat(qpos[3:7], np.array([0.0, 0.0, 1.0]), yaw)  # upright at home
+        qpos[self._senses.q[arms]] = np.clip(angles, self.spec.lower[arms], self.spec.upper[arms])

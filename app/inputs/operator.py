@@ -75,7 +75,7 @@ class Operators:
         self._lock = threading.Lock()
         self._seats = {role: Seat(Merged(role)) for role in ROLES}
         self._clients: dict[str, Client] = {}
-        self._joined = self._stops = self._resets = 0
+        self._joined = self._stops = self._resets = self._seed = 0
         self.rejected = 0
         """Messages that were refused, or a part of them."""
 
@@ -121,10 +121,11 @@ class Operators:
             self._stops += 1
             self._write()
 
-    def reset(self) -> None:
-        """Somebody who may pressed Reset."""
+    def reset(self, seed: int = 0) -> None:
+        """Somebody who may pressed Reset; a seed other than 0 varies where the robot stands then."""
         with self._lock:
             self._resets += 1
+            self._seed = seed
             self._write()
 
     @property
@@ -204,7 +205,7 @@ class Operators:
         record["presses"] = [part.presses for part in parts.values()]
         record["vector"], record["given"] = _command(parts).vector(), parts["arms"].given
         record["smooth"] = parts["arms"].smooth
-        record["stops"], record["resets"] = self._stops, self._resets
+        record["stops"], record["resets"], record["seed"] = self._stops, self._resets, self._seed
         self._commands.push(record)
 
 
