@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import io
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 
 import segno
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Request, Response
 from pydantic import BaseModel
 
 from app.arbiter import Role
@@ -26,16 +26,18 @@ class Invitation(BaseModel):
     """Why another device cannot open it, as a sentence; empty where one can."""
 
 
-def router() -> APIRouter:
-    """GET /api/invite/{role}."""
+def router(token: str | None = None) -> APIRouter:
+    """GET /api/invite/{role}. The link holds the token, where there is one: whoever drives may let another one in."""
     api = APIRouter(tags=["robot"])
 
     @api.get("/api/invite/{role}")
-    def invite(role: Role, request: Request) -> Invitation:
+    def invite(role: Role, request: Request, response: Response) -> Invitation:
         """A link under the name by which this very request reached the program."""
-        link = f"{request.url.scheme}://{request.headers['host']}/?role={role}"
+        query = urlencode({"role": role} | ({"token": token} if token else {}))
+        link = f"{request.url.scheme}://{request.headers['host']}/?{query}"
         drawing = io.BytesIO()
         segno.make(link, error="m").save(drawing, kind="svg", xmldecl=False, scale=4, border=2, light="#fff")
+        response.headers["Cache-Control"] = "no-store"
         here = urlsplit(link).hostname in LOOPBACK
         return Invitation(link=link, qr=drawing.getvalue().decode(), reach=ONLY_HERE if here else "")
 

@@ -83,7 +83,7 @@ class Session:
     def app(self) -> FastAPI:
         """The site."""
         told = metrics.router(self.health, lambda: self.simulation.pid)
-        routers = [*self._page.routers, episodes.router(self.episodes), invite.router(), told]
+        routers = [*self._page.routers, episodes.router(self.episodes), invite.router(self._token), told]
         return create_app(self.health, self.operators, self.reset, self._host, routers, self._names, self._token)
 
     def missing(self) -> list[str]:
