@@ -9,7 +9,7 @@ import numpy as np
 from fastapi import APIRouter
 
 from app import relay, viewer
-from app.outputs import live, scene
+from app.outputs import geometry, live, meshes, scene
 from robots.spec import RobotSpec
 
 
@@ -29,8 +29,13 @@ class Page:
         """
         client = viewer.client_page()
         self._viser = viewer.start()
-        description = scene.build(self._viser, spec, model)
-        self.routers: tuple[APIRouter, ...] = (relay.page_router(self._viser.get_port(), client), live.router(description, newest))
+        looks = geometry.looks(model)
+        description = scene.build(self._viser, spec, model, looks)
+        self.routers: tuple[APIRouter, ...] = (
+            relay.page_router(self._viser.get_port(), client),
+            live.router(description, newest),
+            meshes.router(looks),
+        )
 
     def close(self) -> None:
         """Stop viser."""

@@ -6,8 +6,10 @@ Not a number, infinities, non-unit quaternions and unknown fields never pass.
 from __future__ import annotations
 
 import math
+from enum import IntFlag
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
 
 from app.arbiter import Role
@@ -294,3 +296,75 @@ class Answer(Health):
     """Everybody who is connected, this client too."""
     error: str | None = None
     """Why a message of this client was refused since the last answer."""
+
+
+HEADSET_VERSION = 1
+HEADSET = np.dtype(
+    [
+        ("version", "u1"),  # HEADSET_VERSION
+        ("valid", "u1"),  # Seen: what of the following was tracked in this frame
+        ("asks", "u1"),  # Asks: what of it the robot shall follow
+        ("origin", "u1"),  # counts recentres: a new number takes the frame anew, by the way that the head looks
+        ("seq", "<u4"),  # as OperatorMessage.seq
+        ("time", "<f8"),  # of the frame, on the headset's clock [s]
+        ("arm", "<f4"),  # the operator's arm from shoulder to wrist [m]; 0: not known
+        ("grips", "<f4", (2,)),  # how far the triggers of controllers are pressed, 0 to 1 (left, right)
+        ("head", "<f4", (7,)),  # poses: position [m] and quaternion xyzw in WebXR's axes, in a space whose floor is level
+        ("wrists", "<f4", (2, 7)),  # a hand's wrist joint, or a controller's grip (left, right)
+        ("joints", "<f4", (2, 25, 3)),  # positions of a hand's joints in WebXR's order (left, right)
+    ]
+)
+"""A headset's packet: the binary message of WS /api/operator, at 60 Hz. Everything in it is of this frame, or not valid."""
+
+
+class Seen(IntFlag):
+    """Bits of `valid`: head, wrists, fingers (of hands) and grips (of controllers), left and right."""
+
+    HEAD = 1
+    LEFT_WRIST = 2
+    RIGHT_WRIST = 4
+    LEFT_FINGERS = 8
+    RIGHT_FINGERS = 16
+    LEFT_GRIP = 32
+    RIGHT_GRIP = 64
+
+
+class Asks(IntFlag):
+    """Bits of `asks`. While an arm's bit is set, the wrist goes along with the hand, from wherever both are."""
+
+    LEFT_ARM = 1
+    RIGHT_ARM = 2
+    NECK = 4
+    FINGERS = 8
+
+
+class PacketField(Wire):
+    """One field of a headset's packet."""
+
+    name: str
+    type: str
+    """u1: byte, u4: 32-bit integer, f4 and f8: floating point, little-endian."""
+    offset: int
+    """Bytes."""
+    count: int
+    """Numbers."""
+
+
+class HeadsetPacket(Wire):
+    """GET /api/headset: how a page lays out what it tells of a headset."""
+
+    version: int = HEADSET_VERSION
+    size: int = HEADSET.itemsize
+    """Bytes."""
+    fields: tuple[PacketField, ...]
+    valid: dict[str, int] = {bit.name or "": bit.value for bit in Seen}
+    asks: dict[str, int] = {bit.name or "": bit.value for bit in Asks}
+
+
+def headset_packet() -> HeadsetPacket:
+    """The layout of HEADSET."""
+    fields = []
+    for name in HEADSET.names or ():
+        kind, offset = HEADSET.fields[name][:2]
+        fields.append(PacketField(name=name, type=kind.base.str[1:], offset=offset, count=int(np.prod(kind.shape, dtype=int))))
+    return HeadsetPacket(fields=tuple(fields))

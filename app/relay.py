@@ -28,7 +28,7 @@ SLOWEST = 100_000
 OVERLAY = (
     '<script src="/web/tap.js"></script><link rel="stylesheet" href="/web/page.css"><script type="module" src="/web/main.js"></script>'
 )
-KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+KINDS = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".html": "text/html"}
 FRESH = {"Cache-Control": "no-cache", "X-Content-Type-Options": "nosniff"}
 """An updated program shows its own page, not the cached one."""
 UNFRAMED = FRESH | {"X-Frame-Options": "DENY"}
@@ -40,7 +40,7 @@ class BrokenPage(AppError):
 
 
 def page_router(viser_port: int, client: str) -> APIRouter:
-    """The page at /, its files below /web, and viser's socket at /.
+    """The page at /, the headset's at /xr, their files below /web, and viser's socket at /.
 
     Args:
         viser_port: where viser listens on the loopback address.
@@ -59,6 +59,10 @@ def page_router(viser_port: int, client: str) -> APIRouter:
         packs = "gzip" in request.headers.get("accept-encoding", "")
         headers = UNFRAMED | ({"Content-Encoding": "gzip"} if packs else {})
         return Response(packed if packs else page, media_type="text/html", headers=headers)
+
+    @router.get("/xr")
+    def headset() -> Response:
+        return FileResponse(files["headset.html"], media_type="text/html", headers=UNFRAMED)
 
     @router.get("/web/{name}")
     def file(name: str) -> Response:

@@ -17,8 +17,10 @@ from app import clock
 from app.errors import AppError
 from app.gate import Gate
 from app.inputs.operator import Client, Operators
+from app.inputs.webxr import BadPacket, Headset
 from app.limits import LARGEST_BODY, LARGEST_MESSAGE, Allowance, TooMany
-from app.protocol import VERSION, Answer, Health, Member, OperatorMessage
+from app.newest import Newest
+from app.protocol import HEADSET, VERSION, Answer, HeadsetPacket, Health, Member, OperatorMessage, headset_packet
 
 _log = logging.getLogger(__name__)
 
@@ -41,6 +43,7 @@ def create_app(
     routers: Sequence[APIRouter] = (),
     names: Sequence[str] = (),
     token: str | None = None,
+    headset: Callable[[], Headset] | None = None,
 ) -> FastAPI:
     """The whole site.
 
@@ -52,19 +55,22 @@ def create_app(
         routers: page, episodes.
         names: further names of this machine.
         token: what people have to know to be let in.
+        headset: makes the conversion of one client's headset packets; without it they are refused.
     """
     about = {"title": "humanoid-teleop", "description": "Drive a walking humanoid.", "version": str(VERSION)}
     app = FastAPIOffline(**about, max_body_size=LARGEST_BODY)
     app.add_middleware(Gate, host=host, names=names, token=token)
     app.add_exception_handler(AppError, _say)
     app.webhooks.add_api_route("operator", _operator_socket, methods=["POST"], summary="WS /api/operator")
-    app.include_router(_control(health, operators, reset), prefix="/api")
+    app.include_router(_control(health, operators, reset, headset), prefix="/api")
     for router in routers:
         app.include_router(router)
     return app
 
 
-def _control(health: Callable[[], Health], operators: Operators, reset: Callable[[int], None]) -> APIRouter:
+def _control(
+    health: Callable[[], Health], operators: Operators, reset: Callable[[int], None], headset: Callable[[], Headset] | None
+) -> APIRouter:
     router = APIRouter(tags=["robot"])
 
     @router.get("/health")
@@ -89,6 +95,11 @@ def _control(health: Callable[[], Health], operators: Operators, reset: Callable
             raise HTTPException(409, f"the robot follows {' and '.join(following)}; stop it first (POST /api/stop), then reset")
         reset(seed)
 
+    @router.get("/headset")
+    def read_headset() -> HeadsetPacket:
+        """The layout of a headset's packets: binary messages on WS /api/operator, at 60 Hz, of which the newest counts."""
+        return headset_packet()
+
     @router.websocket("/operator")
     async def operator(socket: WebSocket) -> None:
         """OperatorMessage in, Answer out; see app.protocol."""
@@ -96,10 +107,14 @@ def _control(health: Callable[[], Health], operators: Operators, reset: Callable
         if len(operators.clients) >= CLIENTS:
             await socket.close(FULL, f"{CLIENTS} clients are connected already")
             return
-        client = operators.join()
+        client, packets = operators.join(), Newest[bytes]()
         _log.info("operator connected", extra={"operator": client.key})
         try:
-            await _first_to_end(_read(socket, client, operators), _answer(socket, client, operators, health))
+            await _first_to_end(
+                _read(socket, client, operators, packets),
+                _follow(packets, client, operators, headset),
+                _answer(socket, client, operators, health),
+            )
         finally:
             operators.leave(client)
             _log.info("operator left", extra={"operator": client.key, "messages": client.seq})
@@ -138,13 +153,16 @@ class _Refused(Exception):
         self.code = code
 
 
-async def _read(socket: WebSocket, client: Client, operators: Operators) -> None:
-    """Hear every message until the socket closes, or has to be closed."""
+async def _read(socket: WebSocket, client: Client, operators: Operators, packets: Newest[bytes]) -> None:
+    """Hear every message until the socket closes, or has to be closed; headset packets are put aside."""
     allowance = Allowance()
     while (packet := await socket.receive())["type"] != "websocket.disconnect":
         try:
             allowance.take()
-            operators.hear(client, _parse(packet.get("text")))
+            if data := packet.get("bytes"):
+                packets.put(_packet(data))
+            else:
+                operators.hear(client, _parse(packet.get("text")))
         except ValidationError as error:
             first = error.errors()[0]
             operators.refuse(client, f"{'.'.join(map(str, first['loc']))}: {first['msg']}")
@@ -152,6 +170,33 @@ async def _read(socket: WebSocket, client: Client, operators: Operators) -> None
             _log.info("socket closed", extra={"operator": client.key, "why": str(refused)})
             await socket.close(refused.code if isinstance(refused, _Refused) else TOO_MANY, str(refused))
             return
+
+
+def _packet(data: bytes) -> bytes:
+    """The packet, if it may be one.
+
+    Raises:
+        _Refused: it is none.
+    """
+    if len(data) != HEADSET.itemsize:
+        raise _Refused(NOT_TEXT, "messages are JSON text, or packets of a headset (GET /api/headset)")
+    return data
+
+
+async def _follow(packets: Newest[bytes], client: Client, operators: Operators, headset: Callable[[], Headset] | None) -> None:
+    """Hear the newest packet of the client's headset."""
+    data = await packets.take()
+    converts = headset and headset()
+    while True:
+        try:
+            if converts is None:
+                raise BadPacket("no headset can drive this robot")
+            message = converts.message(data)
+            if message:
+                operators.hear(client, message.model_copy(update={"ask": client.asks}))
+        except BadPacket as error:
+            operators.refuse(client, str(error))
+        data = await packets.take()
 
 
 def _parse(text: str | None) -> OperatorMessage:

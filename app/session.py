@@ -18,6 +18,7 @@ from app.inputs.feed import Feed
 from app.inputs.operator import Operators
 from app.inputs.replay import Replay
 from app.inputs.source import Source
+from app.inputs.webxr import Headsets
 from app.mode import Reason
 from app.outputs import metrics
 from app.outputs.tape import RecordingError
@@ -66,6 +67,7 @@ class Session:
         try:
             self._model = self._robot.model("play")  # while the other process builds its own
             self._page = Page(self._robot.spec, self._model, self.simulation.snapshot)
+            self._headsets = Headsets(self._robot.spec, self._model, self.simulation.applied)
             self.simulation.wait()
         except BaseException:
             self.simulation.close()
@@ -84,7 +86,7 @@ class Session:
         """The site."""
         told = metrics.router(self.health, lambda: self.simulation.pid)
         routers = [*self._page.routers, episodes.router(self.episodes), invite.router(self._token), told]
-        return create_app(self.health, self.operators, self.reset, self._host, routers, self._names, self._token)
+        return create_app(self.health, self.operators, self.reset, self._host, routers, self._names, self._token, self._headsets.join)
 
     def missing(self) -> list[str]:
         """What the robot could look better with; a sentence each."""

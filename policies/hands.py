@@ -7,6 +7,7 @@ proportions.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 
 import daqp
@@ -78,6 +79,12 @@ class HandRetargeter:
         self.touches = [self._touch(finger) for finger in range(4)]
         """Of thumb and each other finger: the drives [6], rad, that bring them closest, and the gap that is left [m]."""
         self.reset()
+
+    def twin(self) -> HandRetargeter:
+        """Another human hand's, in the same thread: it shares the robot's model and goes on from an answer of its own."""
+        twin = copy.copy(self)
+        twin.reset()
+        return twin
 
     def reset(self) -> None:
         """Forget the past: the next answer starts from the open hand and is not smoothed."""

@@ -38,6 +38,13 @@ export class Link extends EventTarget {
     this.#socket.send(JSON.stringify({ seq, ...this.fields(seq) }));
   }
 
+  // Send a headset's packet, numbered like a message. Returns false, and sends nothing, while an earlier one waits to leave.
+  sendPacket(numbered) {
+    if (!this.connected || this.#socket.bufferedAmount) return false;
+    this.#socket.send(numbered(this.seq++));
+    return true;
+  }
+
   #open() {
     const socket = (this.#socket = new WebSocket(this.url));
     socket.onopen = () => {

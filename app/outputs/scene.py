@@ -17,14 +17,13 @@ HANDLE_SIZE = 0.15
 SIDES = ("left", "right")
 
 
-def build(server: viser.ViserServer, spec: RobotSpec, model: mujoco.MjModel) -> SceneDescription:
-    """Put a robot's play model into viser's scene and describe it to the page.
+def build(server: viser.ViserServer, spec: RobotSpec, model: mujoco.MjModel, found: list[geometry.Look]) -> SceneDescription:
+    """Put a robot's play model, with the looks `found` of it, into viser's scene and describe it to the page.
 
     Poses in the scene stay what they are here: every page applies the newest ones itself (web/stage.js), so that a slow or
     hidden page costs nothing and each page has its own view.
     """
     surroundings(server)
-    found = geometry.looks(model)
     drawn = sorted({look.body for look in found} | {model.body("pelvis").id})
     for body in drawn:
         server.scene.add_frame(BODIES + model.body(body).name, show_axes=False)
