@@ -6,7 +6,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import tyro
 import uvicorn
@@ -14,10 +14,16 @@ import uvicorn
 from app import door, log, recordings
 from app.config import Serve
 from app.errors import AppError
+from app.limiter import WRIST_SPEED
 from app.limits import LARGEST_MESSAGE
 from app.token import keep
 from policies.errors import PolicyError
+from robots import catalog
 from robots.errors import RobotError
+
+if TYPE_CHECKING:
+    from app.session import Session
+    from policies.motion.clip import Clip
 
 DESCRIPTION = """Drive a walking humanoid from a browser tab.
 
@@ -28,6 +34,7 @@ examples:
   teleop replay recordings/FILE.mcap   simulate it again and compare, bit for bit
   teleop recover recordings            mend what a crash left behind
   teleop doctor                        is this machine fit for it?
+  teleop replay-motion 07_01           a motion of runs/clips.npz on the robot's arms; or a .bvh file
   teleop export recordings --format lerobot --cameras head chase
 """
 
@@ -45,8 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
 
 
-def serve(config: Serve) -> int:
-    """Serve until Ctrl-C.
+def serve(config: Serve, clip: Clip | None = None, speed: float = 1.0) -> int:
+    """Serve until Ctrl-C. A clip, if there is one, drives the arms at that speed.
 
     Raises:
         AppError, RobotError, PolicyError: it cannot start; the message says why.
@@ -60,6 +67,8 @@ def serve(config: Serve) -> int:
         try:
             for line in session.missing():
                 print(line, file=sys.stderr)
+            if clip:
+                _play(session, clip, speed)
             print(f"{config.robot} stands. Open {_invitation(config, door.url(config, listener), token)} - Ctrl-C ends.", flush=True)
             options = uvicorn.Config(
                 session.app(),
@@ -78,6 +87,14 @@ def serve(config: Serve) -> int:
     return 0
 
 
+def _play(session: Session, clip: Clip, speed: float) -> None:
+    fastest = session.play(clip, speed).fastest
+    print(f"{clip.name} plays, {clip.seconds / speed:.1f} s, over and over.")
+    if fastest > WRIST_SPEED:
+        slower = f"--speed {speed * WRIST_SPEED / fastest:.2f} shows all of it"
+        print(f"Its wrists move at {fastest:.1f} m/s, the robot's follow at {WRIST_SPEED:.1f} m/s at most; {slower}.")
+
+
 def _invitation(config: Serve, address: str, token: str | None) -> str:
     """What to open. The token is shown to a person at a terminal only: what is written to a file or a journal stays there."""
     if token is None:
@@ -87,7 +104,15 @@ def _invitation(config: Serve, address: str, token: str | None) -> str:
 
 def _parse(arguments: list[str]) -> Serve | int:
     """A configuration to serve, or the exit code of another command that ran."""
-    commands = {"serve": Serve, "episodes": _episodes, "replay": _replay, "recover": _recover, "export": _export, "doctor": _doctor}
+    commands = {
+        "serve": Serve,
+        "episodes": _episodes,
+        "replay": _replay,
+        "recover": _recover,
+        "export": _export,
+        "replay-motion": _replay_motion,
+        "doctor": _doctor,
+    }
     first = arguments[0] if arguments else ""
     if first not in (*commands, "-h", "--help"):
         arguments = ["serve", *arguments]
@@ -130,6 +155,25 @@ def _doctor(robot: str = Serve.robot, port: int = Serve.port, recordings: Path =
     from app import doctor  # the other commands do without a simulator
 
     return doctor.main(robot, port, recordings)
+
+
+def _replay_motion(
+    clip: tyro.conf.Positional[str],
+    clips: Path = Path("runs/clips.npz"),
+    speed: float = 1.0,
+    serving: tyro.conf.OmitArgPrefixes[Serve] = Serve(),  # noqa: B008  a frozen default
+) -> int:
+    """Play a motion on the robot's waist and arms, over and over, in the page in which its legs are driven.
+
+    Args:
+        clip: a clip by name, NAME~mirror for its mirrored twin, or a motion file: .bvh, or .csv of a Unitree G1, plain or .gz.
+        clips: the file of clips, made by `teleop-train retarget`.
+        speed: of the playback; 1 is the person's own.
+        serving: as `teleop serve`.
+    """
+    from policies.motion.find import find  # the other commands do without
+
+    return serve(serving, find(clip, clips, catalog.load(serving.robot)), speed)
 
 
 def _export(

@@ -15,6 +15,7 @@ from app.errors import UnknownSource, UnusableSource
 from app.factory import Factory
 from app.inputs.circle import Circle
 from app.inputs.feed import Feed
+from app.inputs.motion import Motion
 from app.inputs.operator import Operators
 from app.inputs.replay import Replay
 from app.inputs.source import Source
@@ -29,6 +30,7 @@ from app.server import create_app
 from app.simulation import Simulation
 from policies import checkpoint
 from policies.episode import DamagedRecording, Metadata
+from policies.motion.clip import Clip
 from policies.recording.provenance import describe
 from robots import catalog
 
@@ -87,6 +89,16 @@ class Session:
         told = metrics.router(self.health, lambda: self.simulation.pid)
         routers = [*self._page.routers, episodes.router(self.episodes), invite.router(self._token), told]
         return create_app(self.health, self.operators, self.reset, self._host, routers, self._names, self._token, self._headsets.join)
+
+    def play(self, clip: Clip, speed: float) -> Motion:
+        """Let a motion drive the arms from here on.
+
+        Raises:
+            OddSpeed: nothing can be played at this speed.
+        """
+        motion = Motion(self._robot, clip, self.simulation.snapshot, speed)
+        self._feeds.append(Feed(motion, self.operators, self.simulation.applied))
+        return motion
 
     def missing(self) -> list[str]:
         """What the robot could look better with; a sentence each."""

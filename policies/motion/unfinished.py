@@ -7,6 +7,7 @@ import os
 import shutil
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,8 @@ class Unfinished:
         """What an earlier run made of this very file, if it came so far."""
         try:
             with np.load(self._path(source), allow_pickle=False) as stored:
-                return Retargeted(**{name: value if value.ndim else float(value) for name, value in stored.items()})
+                made: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in stored.items()}
+                return Retargeted(**made)
         except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile):
             return None
 

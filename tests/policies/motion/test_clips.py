@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from policies.motion.clip import Clip, ClipSet, UnusableClips
+from policies.motion.clip import Clip, ClipSet, Split, UnusableClips
 from policies.motion.folder import NoMotion, RetargetConfig, retarget
 from policies.motion.labels import guess
 from policies.motion.person import Person
@@ -20,7 +20,7 @@ SPEC = ROBOT.spec
 GROUP = SPEC.group("waist", "arms")
 
 
-def clip(name: str = "one", frames: int = 70, split="train", seed: int = 0) -> Clip:
+def clip(name: str = "one", frames: int = 70, split: Split = "train", seed: int = 0) -> Clip:
     rng = np.random.default_rng(seed)
     q = rng.uniform(SPEC.lower[GROUP], SPEC.upper[GROUP], (frames, 15)).astype(np.float32)
     twist, height = rng.normal(size=(frames, 3)).astype(np.float32), np.ones(frames, np.float32)
