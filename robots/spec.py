@@ -68,6 +68,8 @@ class Hand:
     """Bodies at whose origins the fingers begin."""
     tips: tuple[str, ...]
     """Sites of the play model at the fingers' ends."""
+    pinch: Vec
+    """Where thumb and index fingertip touch: of every drive's way, 0 open, 1 closed."""
 
 
 @dataclass(frozen=True)

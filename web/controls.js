@@ -116,16 +116,8 @@ export class Controls {
     if (field in pilot.limits) return pilot.setLimit(field, value);
     if (field in pads) return pads.set(field, value);
     if (!pilot.engaged) this.hint("press Engage first (hold Space)", true);
-    if (field.startsWith("grip")) {
-      const grip = (side) => Array(6).fill(this.#value(`grip-${side}`));
-      return pilot.ask("hands", { left: grip("left"), right: grip("right") });
-    }
-    if (field.startsWith("neck")) return pilot.ask("neck", { yaw: this.#value("neck-yaw"), pitch: this.#value("neck-pitch") });
+    if (/^(grip|pinch|neck)-/.test(field)) return; // web/hands.js
     pilot.ask(field, value);
-  }
-
-  #value(field) {
-    return Number(this.$(`[data-field=${field}]`).value);
   }
 
   #set(input, value) {

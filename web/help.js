@@ -13,6 +13,10 @@ const ACTIONS = {
   "turn-left": "Turn left",
   "turn-right": "Turn right",
   fast: "Faster while held",
+  "grip-left": "Close or open the left hand",
+  "pinch-left": "Pinch with the left hand, or open it",
+  "pinch-right": "Pinch with the right hand, or open it",
+  "grip-right": "Close or open the right hand",
   record: "Record, or stop recording",
   view: "Next view",
 };

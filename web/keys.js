@@ -5,6 +5,7 @@ const DEFAULTS = {
   KeyW: "forward", KeyS: "back", KeyA: "left", KeyD: "right", KeyQ: "turn-left", KeyE: "turn-right",
   ArrowUp: "forward", ArrowDown: "back", ArrowLeft: "turn-left", ArrowRight: "turn-right",
   ShiftLeft: "fast", KeyR: "record", KeyF: "view",
+  KeyZ: "grip-left", KeyX: "pinch-left", KeyC: "pinch-right", KeyV: "grip-right",
 };
 const STORED = "teleop keys";
 

@@ -3,6 +3,7 @@
 import { Controls } from "./controls.js";
 import { Crew } from "./crew.js";
 import { Episodes } from "./episodes.js";
+import { Hands } from "./hands.js";
 import { Help } from "./help.js";
 import { Keys } from "./keys.js";
 import { Latency } from "./latency.js";
@@ -48,6 +49,8 @@ const actions = {
   record: () => episodes.toggle(),
   view: () => (stage.view = VIEWS[(VIEWS.indexOf(stage.view) + 1) % VIEWS.length]),
 };
+const hands = new Hands($, pilot, stage, description);
+Object.assign(actions, hands.actions);
 const controls = new Controls($, pilot, [keys, pads], actions);
 const episodes = new Episodes($, stage, controls);
 new Help($, keys, pads, controls);
@@ -89,6 +92,7 @@ link.addEventListener("answer", ({ detail: answer }) => {
   crew.show(answer);
   controls.follow(answer);
   wrists.show(answer);
+  hands.show(answer);
   episodes.show(answer);
   if (answer.error) controls.hint(answer.error, true);
 });

@@ -72,11 +72,17 @@ const MARKUP = `
       ${slider("pitch", "Lean forward", -0.2, 0.2, 0.01, 0, "°")}
       ${slider("roll", "Lean right", -0.2, 0.2, 0.01, 0, "°")}
       ${slider("waist", "Waist", -0.8, 0.8, 0.02, 0, "°")}
-      ${slider("grip-left", "Left hand", 0, 1, 0.02, 0, "%")}
-      ${slider("grip-right", "Right hand", 0, 1, 0.02, 0, "%")}
+      <button id="straight" class="small">Straighten up</button>
+    </details>
+    <details><summary>Hands and head</summary>
+      ${slider("grip-left", "Left hand closes", 0, 1, 0.02, 0, "%")}
+      ${slider("pinch-left", "Left hand pinches", 0, 1, 0.02, 0, "%")}
+      ${slider("grip-right", "Right hand closes", 0, 1, 0.02, 0, "%")}
+      ${slider("pinch-right", "Right hand pinches", 0, 1, 0.02, 0, "%")}
       ${slider("neck-yaw", "Head turn", -1.2, 1.2, 0.02, 0, "°")}
       ${slider("neck-pitch", "Head down", -0.6, 1.1, 0.02, 0.3, "°")}
-      <button id="straight" class="small">Straighten up</button>
+      <label class="check"><input type="checkbox" id="gaze"> The head looks at the hands</label>
+      <p><a href="/xr">With a headset</a></p>
     </details>
     <details><summary>Driving</summary>
       ${slider("pace", "Walk", 0.1, 1, 0.05, 0.5, "m/s")}

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from app.protocol import Quaternion, Vector3, Wire
+from robots.spec import RobotSpec
 
 BODIES = "/robot/"
 """What the scene calls a body, followed by its name in the model."""
@@ -71,18 +72,21 @@ class SceneDescription(Wire):
     """Index of the body that the wrists' poses refer to."""
     wrists: tuple[SceneWrist, SceneWrist]
     """Left and right."""
+    pinches: tuple[tuple[float, ...], tuple[float, ...]] | None
+    """What `hands` says of the left and the right hand for thumb and index fingertip to touch; None for a robot without hands."""
     eye: SceneEye
     nq: int
     """Numbers in a qpos."""
 
 
-def describe(model: mujoco.MjModel, drawn: list[str], wrists: list[SceneWrist]) -> SceneDescription:
-    """The description of a model, of which the bodies `drawn` stand in the scene."""
+def describe(spec: RobotSpec, model: mujoco.MjModel, drawn: list[str], wrists: list[SceneWrist]) -> SceneDescription:
+    """The description of a robot and its model, of which the bodies `drawn` stand in the scene."""
     left, right = wrists
     return SceneDescription(
         bodies=tuple(_body(model, i, drawn) for i in range(1, model.nbody)),
         pelvis=model.body("pelvis").id - 1,
         wrists=(left, right),
+        pinches=spec.hands and (spec.hands[0].pinch, spec.hands[1].pinch),
         eye=_eye(model),
         nq=model.nq,
     )

@@ -30,7 +30,7 @@ def build(server: viser.ViserServer, spec: RobotSpec, model: mujoco.MjModel, fou
     for index, look in enumerate(found):
         _mesh(server, f"{BODIES}{model.body(look.body).name}/look_{index}", look)
     wrists = [_wrist(server, model, found, side, site) for side, site in zip(SIDES, spec.wrists, strict=True)]
-    return describe(model, [model.body(body).name for body in drawn], wrists)
+    return describe(spec, model, [model.body(body).name for body in drawn], wrists)
 
 
 def surroundings(server: viser.ViserServer) -> None:

@@ -161,7 +161,9 @@ def _hand(side: str) -> tuple[Joint, ...]:
 def _hand_frames(side: str) -> Hand:
     thumb, *others = FINGERTIPS
     knuckles = (f"{side}_{thumb}_proximal_base", *(f"{side}_{finger}_proximal" for finger in others))
-    return Hand(f"{side}_hand_base_link", knuckles, tuple(f"{side}_{finger}_tip" for finger in FINGERTIPS))
+    tips = tuple(f"{side}_{finger}_tip" for finger in FINGERTIPS)
+    yaw = 0.92 if side == "L" else 0.85  # the zeros of the thumbs differ
+    return Hand(f"{side}_hand_base_link", knuckles, tips, pinch=(yaw, 0.52, 0.51, 0, 0, 0))
 
 
 def _joints() -> tuple[Joint, ...]:

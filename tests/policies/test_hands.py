@@ -152,8 +152,9 @@ def test_in_the_play_model_a_pinch_touches_and_a_thumb_stops_at_the_fingers():
         return {frozenset(plant.model.geom(geom).name for geom in (c.geom1, c.geom2)) for c in plant.data.contact}
 
     assert squeeze(opened) == {touching for touching in squeeze(opened) if any("sole" in name for name in touching)}
-    touches = np.concatenate([HandRetargeter(SPEC, plant.model, side).touches[0][0] for side in (0, 1)])
-    contacts = squeeze(touches)
+    assert SPEC.hands
+    pinch = np.concatenate([hand.pinch for hand in SPEC.hands])
+    contacts = squeeze(opened + pinch * (closed - opened))
     for side in "LR":
         assert frozenset({f"{side}_thumb_distal", f"{side}_index_intermediate"}) in contacts
         tips = [plant.data.site(f"{side}_{finger}_tip").xpos for finger in ("thumb", "index")]
