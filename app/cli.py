@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import tyro
 import uvicorn
 
-from app import door, log, recordings
+from app import certificate, door, log, recordings
 from app.config import Serve
 from app.errors import AppError
 from app.limiter import WRIST_SPEED
@@ -61,6 +61,7 @@ def serve(config: Serve, clip: Clip | None = None, speed: float = 1.0) -> int:
     from app.session import Session  # the other commands do without a simulator and a web server
 
     log.configure(config.log)
+    config = certificate.provided(config, door.own_address())
     token = config.token and keep(config.token)
     with door.listen(config) as listener:
         session = Session(config, token)

@@ -26,6 +26,8 @@ class Serve:
     """TLS certificate (PEM); headsets only show the robot over https."""
     key: Path | None = None
     """Private key of the certificate (PEM)."""
+    self_signed: bool = False
+    """Serve over https with a certificate of one's own, made once; a headset has to be told to trust it (docs/headset.md)."""
     policy: str = "walk_h1"
     """Weights of the leg policy: a shipped name, or a path to a .safetensors file."""
     sources: tuple[str, ...] = ()

@@ -42,7 +42,7 @@ def listen(config: Serve) -> socket.socket:
 
 def url(config: Serve, door: socket.socket) -> str:
     """What people open, without the token."""
-    host = _own_address() if config.host in ("0.0.0.0", "::") else config.host
+    host = own_address() if config.host in ("0.0.0.0", "::") else config.host
     scheme = "https" if config.certificate else "http"
     return f"{scheme}://{f'[{host}]' if ':' in host else host}:{door.getsockname()[1]}"
 
@@ -54,7 +54,7 @@ def _is_loopback(host: str) -> bool:
         return False
 
 
-def _own_address() -> str:
+def own_address() -> str:
     """The address under which this machine talks to others; connecting a datagram socket sends nothing."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:

@@ -111,13 +111,13 @@ def test_the_page_is_visers_own_with_our_scripts_before_its_body(site):
 
 
 def test_every_file_that_the_page_asks_for_is_served_with_its_type(site):
-    asked, seen = {"tap.js", "main.js", "page.css", "overlay.css"}, set()
+    asked, seen = {"tap.js", "main.js", "page.css", "overlay.css", "headset.html"}, set()
     while asked:
         name = asked.pop()
         seen.add(name)
         text, headers = site.get(f"/web/{name}")
-        assert headers["content-type"].startswith("text/javascript" if name.endswith(".js") else "text/css")
-        asked |= set(re.findall(r'from "\./([\w.]+)"', text.decode())) - seen
+        assert headers["content-type"].startswith(relay.KINDS[f".{name.split('.')[1]}"])
+        asked |= set(re.findall(r'(?:from "\./|"/web/)([\w.]+)"', text.decode())) - seen
     assert seen == set(relay.web_files())
 
 
