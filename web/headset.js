@@ -11,6 +11,7 @@ import { Packet } from "./packet.js";
 import { Pads } from "./pads.js";
 import { fetchMeshes, Painter } from "./painter.js";
 import { Pilot } from "./pilot.js";
+import { Swing } from "./reach.js";
 import { Roles } from "./roles.js";
 import { Seat } from "./seat.js";
 import { Live } from "./sources.js";
@@ -40,10 +41,11 @@ const gl = $("picture").getContext("webgl2", { antialias: true, xrCompatible: tr
 const immersion = new Immersion(gl);
 
 let answer = null, poses = null, painter = null, arms = true, lastSent = 0, due = 0;
+let measured = null, note = ""; // the arms while they are measured, and what the board says about it
 const choice = { view: stored("headset view", "behind"), neck: stored("headset neck", "head") };
 const link = new Link(socket("/api/operator"), (seq) => {
   lastSent = performance.now();
-  return { ...roles.fields(seq), ...pilot.fields(), ...looks() };
+  return { ...roles.fields(seq), ...pilot.fields(), ...looks(), smooth: $("steady").checked };
 });
 
 function looks() {
@@ -53,7 +55,7 @@ function looks() {
 
 // ---- what a person can do, on the page, on the board, on keys
 
-const engage = () => (pilot.engaged ? pilot.letGo() : pilot.press());
+const engage = () => ((note = ""), (measured = null), pilot.engaged ? pilot.letGo() : pilot.press());
 const stop = () => (pilot.letGo(), fetch("/api/stop", { method: "POST" }));
 const actions = { stop, view: () => setView(VIEWS[(VIEWS.indexOf(choice.view) + 1) % VIEWS.length]) };
 const board = new Board([
@@ -62,6 +64,7 @@ const board = new Board([
   { label: () => "Recentre", press: () => immersion.recentre() },
   { label: () => (arms ? "Hold the arms" : "Move the arms"), press: () => setArms(!arms) },
   { label: () => (choice.view === "behind" ? "See by its eyes" : "See it from behind"), press: () => setView(choice.view === "behind" ? "eyes" : "behind") },
+  { label: () => (measured ? "Swing your arms" : "Measure my arms"), press: () => measure() },
   { label: () => "Leave", press: () => immersion.leave() },
 ]);
 
@@ -92,11 +95,28 @@ $("arms").addEventListener("change", ({ target }) => setArms(target.checked));
 $("smooth").addEventListener("change", ({ target }) => (seat.smooth = target.checked));
 $("arm").addEventListener("change", ({ target }) => store("arm", target.value));
 $("arm").value = stored("arm", "0.56");
+$("steady").checked = stored("headset steady", "yes") === "yes";
+$("steady").addEventListener("change", ({ target }) => store("headset steady", target.checked ? "yes" : "no"));
 $("neck").value = choice.neck;
 setView(choice.view);
 
 function setArms(follow) {
   $("arms").checked = arms = follow;
+}
+
+// The operator's reach, mapped to the robot's: swing both arms, straight, and the shoulders still.
+function measure() {
+  pilot.letGo();
+  measured = new Swing(performance.now());
+  note = "Swing both arms, straight, up and to the sides";
+}
+
+function takeMeasure() {
+  const found = measured?.take(tracker.wrists, performance.now());
+  if (!found) return;
+  measured = null;
+  note = found.arm ? "" : `Not measured: ${found.why}`;
+  if (found.arm) store("arm", ($("arm").value = found.arm.toFixed(2)));
 }
 
 function setView(view) {
@@ -137,13 +157,14 @@ link.addEventListener("answer", ({ detail }) => {
 
 // ---- the headset: every frame is read and told first, then drawn
 
-let seated = false, head = null, then = 0;
+let seated = false, head = null, then = 0, pressed = {};
 const told = { sent: 0, skipped: 0, since: performance.now() };
 immersion.addEventListener("moved", () => (seated = false));
 immersion.addEventListener("frame", ({ detail: { frame, now, space, layer } }) => {
   packet.clear();
   const controllers = tracker.read(frame, space, packet);
   tell(controllers, now);
+  takeMeasure();
   if (tracker.head && !seated) {
     seat.recentre(tracker.head);
     board.recentre(tracker.head);
@@ -151,6 +172,10 @@ immersion.addEventListener("frame", ({ detail: { frame, now, space, layer } }) =
   }
   head = tracker.head ?? head;
   sticks.read(tracker.sticks);
+  for (const [button, act] of [["engage", engage], ["stop", stop]]) {
+    if (tracker.buttons[button] && !pressed[button]) act();
+  }
+  pressed = tracker.buttons;
   press(frame, space);
   if (performance.now() - lastSent > HEARTBEAT_MS) link.send();
   draw(frame, space, layer, now);
@@ -176,7 +201,7 @@ setInterval(() => {
   Object.assign(told, { sent: 0, skipped: 0, since: performance.now() });
 }, 1000);
 
-// Fingertips, rays of controllers and, while the fingers do not drive the robot's, pinches press the board.
+// Fingertips, triggers of controllers and, while the fingers do not drive the robot's, pinches press the board.
 function press(frame, space) {
   board.touch(tracker.hands.map((hand) => hand?.tip ?? null));
   for (const { handedness, targetRaySpace, targetRayMode, hand, gamepad } of frame.session.inputSources) {
@@ -190,7 +215,7 @@ function press(frame, space) {
     const ray = frame.getPose(targetRaySpace, space)?.transform;
     if (!ray) continue;
     const from = three(ray.position), m = ray.matrix;
-    board.point(side, from, [from[0] - m[8], from[1] - m[9], from[2] - m[10]], Boolean(gamepad?.buttons[0]?.pressed) && !pilot.engaged);
+    board.point(side, from, [from[0] - m[8], from[1] - m[9], from[2] - m[10]], Boolean(gamepad?.buttons[0]?.pressed));
   }
 }
 
@@ -204,7 +229,7 @@ function draw(frame, space, layer, now) {
   gl.bindFramebuffer(gl.FRAMEBUFFER, layer.framebuffer);
   if (!painter || !viewer || !poses) return;
   painter.clear();
-  const world = seat.place(poses, elapsed), changed = board.paint(answer?.state ?? "LOST", answer?.reason ?? "");
+  const world = seat.place(poses, elapsed), changed = board.paint(answer?.state ?? "LOST", note || (answer?.reason ?? ""));
   for (const view of viewer.views) {
     const eye = view.transform.inverse.matrix, port = layer.getViewport(view);
     if (choice.view === "none") gl.viewport(port.x, port.y, port.width, port.height);

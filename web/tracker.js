@@ -7,8 +7,10 @@ const PINCHED = 0.015, OPENED = 0.03; // gaps between thumb and index tip [m]
 
 export class Tracker {
   hands = [null, null]; // of this frame, left and right: {tip: index fingertip, pinch: true while thumb and index touch}
+  wrists = [null, null]; // positions in this frame, [x, y, z]
   squeezed = [false, false]; // grips of controllers
   sticks = [null, null]; // thumbsticks of controllers [x to the right, y to the back]
+  buttons = { engage: false, stop: false }; // A or X, and B or Y, of either controller
   head = null; // {position, orientation} of this frame, or null
   #pinched = [false, false];
 
@@ -18,8 +20,10 @@ export class Tracker {
     const controllers = [];
     let valid = 0;
     this.hands = [null, null];
+    this.wrists = [null, null];
     this.squeezed = [false, false];
     this.sticks = [null, null];
+    this.buttons = { engage: false, stop: false };
     const head = frame.getViewerPose(space);
     this.head = head && !head.emulatedPosition ? head.transform : null;
     if (this.head) {
@@ -51,6 +55,7 @@ export class Tracker {
     }
     if (!wrist) return 0;
     packet.set("wrists", row(wrist), 7 * side);
+    this.wrists[side] = three(wrist.position);
     let valid = packet.seen[`${NAMES[side]}_WRIST`];
     if (points.length === JOINTS) {
       packet.set("joints", points.flat(), 3 * JOINTS * side);
@@ -65,9 +70,12 @@ export class Tracker {
   #controller(frame, space, packet, { gripSpace, gamepad }, side) {
     this.squeezed[side] = Boolean(gamepad?.buttons[1]?.pressed);
     this.sticks[side] = gamepad?.axes.length >= 4 ? [gamepad.axes[2], gamepad.axes[3]] : null;
+    this.buttons.engage ||= Boolean(gamepad?.buttons[4]?.pressed);
+    this.buttons.stop ||= Boolean(gamepad?.buttons[5]?.pressed);
     const pose = frame.getPose(gripSpace, space);
     if (!pose || pose.emulatedPosition) return 0; // out of the headset's sight
     packet.set("wrists", row(pose.transform), 7 * side);
+    this.wrists[side] = three(pose.transform.position);
     packet.set("grips", [gamepad?.buttons[0]?.value ?? 0], side);
     return packet.seen[`${NAMES[side]}_WRIST`] | packet.seen[`${NAMES[side]}_GRIP`];
   }
