@@ -42,10 +42,10 @@ class BadPacket(ValueError):
 class Headset:
     """What one headset's packets ask for, packet by packet."""
 
-    def __init__(self, retargeters: tuple[HandRetargeter, HandRetargeter], reach: float, applied: Callable[[], Command]) -> None:
+    def __init__(self, retargeters: tuple[HandRetargeter, ...], reach: float, applied: Callable[[], Command]) -> None:
         """
         Args:
-            retargeters: of the left and the right hand, this headset's own.
+            retargeters: of the left and the right hand, this headset's own; none for a robot without hands.
             reach: from the robot's shoulder to its wrist, the arm stretched [m].
             applied: what the robot does now.
         """
@@ -117,7 +117,7 @@ class Headset:
         return {"neck": Neck(yaw=float(np.arctan2(y, x)), pitch=float(np.arctan2(-z, np.hypot(x, y))))}
 
     def _hands(self, packet: np.void, elapsed: float) -> dict:
-        if not packet["asks"] & Asks.FINGERS:
+        if not (self._retargeters and packet["asks"] & Asks.FINGERS):
             return {}
         drives = {}
         for side, (name, retargeter) in enumerate(zip(SIDES, self._retargeters, strict=True)):
@@ -133,13 +133,12 @@ class Headsets:
 
     def __init__(self, spec: RobotSpec, model: mujoco.MjModel, applied: Callable[[], Command]) -> None:
         """model: the robot's play model, only read. applied: what the robot does now."""
-        self._retargeters = tuple(HandRetargeter(spec, model, side) for side in (0, 1))
+        self._retargeters = tuple(HandRetargeter(spec, model, side) for side in (0, 1)) if spec.hands else ()
         self._reach, self._applied = arm_reach(spec, model), applied
 
     def join(self) -> Headset:
         """One more headset. Its calls and the other ones' come from one thread."""
-        left, right = (retargeter.twin() for retargeter in self._retargeters)
-        return Headset((left, right), self._reach, self._applied)
+        return Headset(tuple(retargeter.twin() for retargeter in self._retargeters), self._reach, self._applied)
 
 
 def arm_reach(spec: RobotSpec, model: mujoco.MjModel) -> float:
