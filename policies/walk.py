@@ -43,13 +43,13 @@ class Walk:
         self.action = np.zeros((count, 12), np.float32)
         """What it answered [count, 12]."""
 
-    def reset(self, upper: np.ndarray) -> None:
-        """Forget the past; the robots stand, with waist and arms at upper [count, 15], rad."""
-        everyone = np.ones(self._count, bool)
-        self._latent.reset(everyone, upper)
-        self.gait.reset(everyone)
-        self.observer.reset(everyone)
-        self.action = np.zeros((self._count, 12), np.float32)
+    def reset(self, upper: np.ndarray, mask: np.ndarray | None = None) -> None:
+        """Forget the past; the robots of the mask [count], or all, stand with waist and arms at upper [count, 15], rad."""
+        mask = np.ones(self._count, bool) if mask is None else mask
+        self._latent.reset(mask, upper)
+        self.gait.reset(mask)
+        self.observer.reset(mask)
+        self.action = np.where(mask[:, None], np.float32(0), self.action)
 
     @torch.inference_mode()
     def act(self, state: State, twist: np.ndarray, posture: np.ndarray, upper: np.ndarray) -> np.ndarray:

@@ -11,8 +11,9 @@ from typing import Annotated
 
 import tyro
 
-from policies.bench import arms, drive, hands, latency, soak, speed, walk
+from policies.bench import arms, drive, falls, hands, latency, paper, prior, push, robustness, soak, speed, walk
 from policies.errors import PolicyError
+from policies.motion.errors import MotionError
 from robots.errors import RobotError
 
 Bench = (
@@ -23,6 +24,11 @@ Bench = (
     | Annotated[arms.ArmsBench, tyro.conf.subcommand("arms")]
     | Annotated[latency.LatencyBench, tyro.conf.subcommand("latency")]
     | Annotated[hands.HandsBench, tyro.conf.subcommand("hands")]
+    | Annotated[prior.PriorBench, tyro.conf.subcommand("prior")]
+    | Annotated[paper.PaperBench, tyro.conf.subcommand("paper")]
+    | Annotated[robustness.RobustnessBench, tyro.conf.subcommand("robustness")]
+    | Annotated[push.PushBench, tyro.conf.subcommand("push")]
+    | Annotated[falls.FallsBench, tyro.conf.subcommand("falls")]
 )
 
 
@@ -30,22 +36,8 @@ def main() -> None:
     """Command line of the benches."""
     config = tyro.cli(Bench, prog="teleop-bench", description=__doc__)
     try:
-        match config:
-            case walk.WalkBench():
-                walk.run(config)
-            case speed.SpeedBench():
-                speed.run(config)
-            case drive.DriveBench():
-                drive.run(config)
-            case soak.SoakBench():
-                soak.run(config)
-            case arms.ArmsBench():
-                arms.run(config)
-            case latency.LatencyBench():
-                latency.run(config)
-            case hands.HandsBench():
-                hands.run(config)
-    except (PolicyError, RobotError) as error:
+        sys.modules[type(config).__module__].run(config)
+    except (PolicyError, RobotError, MotionError) as error:
         sys.exit(f"teleop-bench: {error}")
     except KeyboardInterrupt:
         sys.exit(130)

@@ -20,7 +20,7 @@ class WalkConfig:
     """Train a leg policy.
 
     Example: teleop-train walk --run runs/walk --steps 40e6
-    With a motion prior: teleop-train walk --run runs/pmp --prior prior_h1 --motions runs/clips.npz --begin runs/walk
+    With a motion prior: teleop-train walk --run runs/pmp --prior prior_h1 --motions runs/clips.npz runs/synthetic.npz --begin runs/walk
     On several processes: torchrun --standalone --nproc-per-node 2 -- teleop-train walk --run runs/walk
     The same command again resumes from the last checkpoint.
     """
@@ -29,14 +29,16 @@ class WalkConfig:
     """Folder of checkpoints, curves and a copy of this configuration."""
     robot: str = "h1"
     """Name in the catalog."""
-    motions: Path | None = None
-    """Clips of `teleop-train retarget` whose training split moves the arms, jumping and running left out."""
+    motions: tuple[Path, ...] = ()
+    """Clips of `teleop-train retarget` and `synthetic` whose training split moves the arms, jumping and running left out."""
     reaches: int = 512
     """Clips of random reaches beside them."""
     prior: str | None = None
     """Motion prior that makes the latent: shipped weights by name, or a .safetensors file. Without one the latent is 0."""
     curriculum: bool = True
     """Let each motion's amplitude grow from 0 as the robots survive it (paper III-C); without it every motion plays in full."""
+    alpha: float = 0.0
+    """Amplitude of every motion to begin with."""
     begin: Path | None = None
     """Run folder whose networks a new training begins with."""
     steps: float = 40e6

@@ -28,6 +28,8 @@ NOISE = {"gyro": 0.1, "quaternion": 0.015, "q": 0.01, "dq": 0.5, "feet_velocity"
 """Half-widths of the uniform sensor noise."""
 STILL = 0.08
 """Velocity commands below this ask to stand [m/s, rad/s]."""
+HEIGHTS = (0.82, 1.02)
+"""Pelvis heights that are asked for [m]."""
 FOLLOW = 0.2
 """Share of the robots that are told to move over the ground as the person in their clip did."""
 
@@ -175,7 +177,9 @@ class WalkEnv:
         self._recommand -= self.dt
         self._draw_commands(self._recommand <= 0)
         if self.stage.arms:
-            self.twist[self._follows] = self.stage.clip(self.playback.twist()[self._follows])
+            follows = self._follows
+            self.twist[follows] = self.stage.clip(self.playback.twist()[follows])
+            self._posture_goal[follows, 0] = np.clip(self.playback.height()[follows], *HEIGHTS)
         rate = np.array([0.3, 0.6, 0.6]) * self.dt
         self._posture += np.clip(self._posture_goal - self._posture, -rate, rate)
 
@@ -190,7 +194,7 @@ class WalkEnv:
         twist[(kind > 0.55) & (kind < 0.7), :2] = 0  # turn
         twist[rng.random(n) < stage.stand] = 0
         self.twist[mask] = stage.clip(twist)
-        posture = np.column_stack([rng.uniform(0.82, 1.02, n), rng.uniform(-0.2, 0.2, (n, 2))])
+        posture = np.column_stack([rng.uniform(*HEIGHTS, n), rng.uniform(-0.2, 0.2, (n, 2))])
         lean = rng.random(n) < stage.posture
         self._posture_goal[mask] = np.where(lean[:, None], posture, [self.spec.nominal_height, 0, 0])
         self._recommand[mask] = rng.uniform(3, 8, n)

@@ -16,7 +16,7 @@ from robots.state import State
 
 CONTACT = 5.0
 """Force that counts as ground contact [N]."""
-VELOCITY = 3.75
+VELOCITY = 4.25
 """The most that the velocity term pays."""
 
 
@@ -86,8 +86,14 @@ class Rewards:
         match = np.where((s.touch > CONTACT) == m.gait.stance(), 0.5, -0.5).sum(-1)
         sunk, leant = (s.position[:, 2] - m.posture[:, 0]) ** 2, self._lean_error(m)
         return {
-            "velocity": 1.5 * np.exp(-slow / 0.12) + 1.25 * np.exp(-slow / 0.015) + 1.0 * np.exp(-fast / 0.06),
-            "turning": 0.75 * np.exp(-turn / 0.15) + 0.5 * np.exp(-turn / 0.02) + 1.0 * np.exp(-turn_now / 0.08),
+            "velocity": 1.5 * np.exp(-slow / 0.12)
+            + 1.25 * np.exp(-slow / 0.015)
+            + 0.5 * np.exp(-slow / 0.003)
+            + 1.0 * np.exp(-fast / 0.06),
+            "turning": 0.75 * np.exp(-turn / 0.15)
+            + 0.5 * np.exp(-turn / 0.02)
+            + 1.0 * np.exp(-turn_now / 0.08)
+            + 0.75 * np.exp(-turn_now / 0.015),
             "foot_height": 2.0 * np.exp(-((height - lift) ** 2).sum(-1) / 0.002),
             "contact": match,
             "posture": np.exp(-sunk / 0.01) + 0.5 * np.exp(-sunk / 0.001) + np.exp(-leant / 0.02) + 0.5 * np.exp(-leant / 0.004),
@@ -123,10 +129,10 @@ class Rewards:
             "height": -4 * np.abs(s.position[:, 2] - m.posture[:, 0]),
             "tilt": -5 * self._lean_error(m),
             "wobble": -0.2 * (s.gyro[:, :2] ** 2).sum(-1),
-            "twisting": -1.2 * (s.yaw_rate - m.twist[:, 2]) ** 2,
+            "twisting": -2.5 * (s.yaw_rate - m.twist[:, 2]) ** 2,
             "bounce": -1.0 * s.velocity[:, 2] ** 2,
-            "action_rate": -0.05 * ((a - b) ** 2).sum(-1) - 0.02 * ((a - 2 * b + c) ** 2).sum(-1),
-            "acceleration": -2.5e-7 * (m.leg_acceleration**2).sum(-1),
+            "action_rate": -0.1 * ((a - b) ** 2).sum(-1) - 0.05 * ((a - 2 * b + c) ** 2).sum(-1),
+            "acceleration": -1e-6 * (m.leg_acceleration**2).sum(-1),
             "sideways_joints": -1.0 * (away[:, self._sideways] ** 2).sum(-1),
             "limits": -5 * over.sum(-1),
             "slip": -0.2 * (foot_speeds(s) * contact).sum(-1),

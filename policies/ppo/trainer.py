@@ -6,12 +6,13 @@ import csv
 import json
 import os
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import torch
 import torch.distributed as dist
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
 from policies import checkpoint
 from policies.commit import commit
@@ -28,8 +29,8 @@ from policies.prior.prior import Prior
 from robots import catalog
 from robots.spec import RobotSpec
 
-AIRBORNE = ("run", "jump")
-"""Categories that nobody does with the feet on the ground; ExBody leaves them out too."""
+AVERAGED = 0.98
+"""Share of the exported actor that an update leaves as it was: a mean over some 50 updates."""
 
 
 class Trainer:
@@ -42,17 +43,19 @@ class Trainer:
         seed = config.seed + 1000 * self._rank
         prior = Prior.load(config.prior, robot.spec) if config.prior else None
         self.env = WalkEnv(robot, _motions(config, robot.spec), prior, config.count, seed, threads=config.threads)
-        if not config.curriculum:
-            self.env.playback.alpha[:], self.env.playback.adaptive = 1.0, False
+        self.env.playback.alpha[:] = config.alpha if config.curriculum else 1.0
+        self.env.playback.adaptive = config.curriculum
         self.device = "cuda" if config.device == "auto" and torch.cuda.is_available() else config.device.replace("auto", "cpu")
         actor_mirror, critic_mirror = self.env.mirrors
         self.actor = Actor(actor_mirror, action_mirror(robot.spec)).to(self.device)
         self.critic = Critic(critic_mirror).to(self.device)
+        self.average = AveragedModel(self.actor, multi_avg_fn=get_ema_multi_avg_fn(AVERAGED), use_buffers=True)
+        """What is exported: an update moves the actor this way and that; its running mean is steadier on its feet."""
         torch.manual_seed(seed)  # the networks begin alike in every process, the exploration does not
         self.ppo = PPO(self.actor, self.critic, config.ppo)
         self.steps, self.stage, self.seconds = 0, 0, 0.0
         self.begun_at = 0
-        """Steps of the run whose networks this one began with."""
+        """Steps behind the networks that this run began with."""
         self.curves: list[dict] = []
         self._now: tuple[torch.Tensor, torch.Tensor] | None = None
 
@@ -69,6 +72,7 @@ class Trainer:
             now = self._tensors(seen, extra)
         self._now = now
         learnt = ppo.update(now[1])
+        self.average.update_parameters(self.actor)
         self._share(alpha)
         count = self.config.count * self.config.ppo.horizon * self._processes
         self.steps += count
@@ -109,7 +113,8 @@ class Trainer:
         aside = run / ".checkpoint.pt"
         torch.save(
             {
-                "actor": self.actor.state_dict(), "critic": self.critic.state_dict(), "optimiser": self.ppo.optimiser.state_dict(),
+                "actor": self.actor.state_dict(), "average": self.average.state_dict(),
+                "critic": self.critic.state_dict(), "optimiser": self.ppo.optimiser.state_dict(),
                 "lr": self.ppo.lr, "steps": self.steps, "begun_at": self.begun_at, "stage": self.stage,
                 "seconds": self.seconds, "penalty": self.env.penalty,
                 "alpha": torch.as_tensor(self.env.playback.alpha), "curves": json.dumps(self.curves),
@@ -134,6 +139,7 @@ class Trainer:
             return
         kept = torch.load(path, weights_only=True, map_location=self.device)
         self.actor.load_state_dict(kept["actor"])
+        self.average.load_state_dict(kept["average"])
         self.critic.load_state_dict(kept["critic"])
         self.ppo.optimiser.load_state_dict(kept["optimiser"])
         self.ppo.lr, self.steps, self.stage, self.seconds = kept["lr"], kept["steps"], kept["stage"], kept["seconds"]
@@ -148,7 +154,7 @@ class Trainer:
         if not path.exists():
             raise NothingToBeginWith(path)
         kept = torch.load(path, weights_only=True, map_location=self.device)
-        self.stage, self.env.penalty, self.begun_at = len(STAGES) - 1, kept["penalty"], kept["steps"]
+        self.stage, self.env.penalty, self.begun_at = len(STAGES) - 1, kept["penalty"], kept["begun_at"] + kept["steps"]
         for network, stored, seen in zip((self.actor, self.critic), (kept["actor"], kept["critic"]), self._sample(), strict=True):
             network.load_state_dict(stored)
             inputs, latent = network.inputs(seen), slice(self.env.observer.size - LATENT, self.env.observer.size)
@@ -168,13 +174,13 @@ class Trainer:
         return torch.cat([x for x, _ in seen[30:]]), torch.cat([y for _, y in seen[30:]])
 
     def export(self, path: Path) -> Path:
-        """The actor with its card."""
+        """The averaged actor with its card."""
         card = {
             "kind": "walk", "name": path.stem, "robot": self.config.robot, "observation": self.env.observer.size, "action": 12,
             "prior": self.config.prior, "curriculum": self.config.curriculum, "steps": self.steps, "begun_at": self.begun_at,
             "seed": self.config.seed, "commit": commit(), "hours": round(self.seconds / 3600, 2),
         }  # fmt: skip
-        checkpoint.save(path, self.actor.state_dict(), card)
+        checkpoint.save(path, self.average.module.state_dict(), card)
         return path
 
     def _tensors(self, observation: np.ndarray, extra: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
@@ -184,8 +190,6 @@ class Trainer:
 
 def _motions(config: WalkConfig, spec: RobotSpec) -> ClipSet:
     """Random reaches, and the training clips in which somebody stays on the ground."""
-    found = reaches.clips(spec, config.reaches, np.random.default_rng(config.seed))
-    if config.motions is None:
-        return found
-    recorded = ClipSet.load(config.motions, spec).split("train").where(lambda clip: clip.category not in AIRBORNE)
-    return replace(recorded, clips=recorded.clips + found.clips)
+    sets = [ClipSet.load(path, spec).split("train").grounded() for path in config.motions]
+    sets.append(reaches.clips(spec, config.reaches, np.random.default_rng(config.seed)))
+    return ClipSet.of(spec, (clip for clips in sets for clip in clips.clips))

@@ -90,7 +90,7 @@ def with_prior(tmp_path_factory, tiny) -> WalkConfig:
     checkpoint.save(folder / "p.safetensors", model.state_dict(), card)
     train(tiny)
     return replace(
-        tiny, run=folder / "run", begin=tiny.run, motions=folder / "clips.npz", reaches=2, prior=str(folder / "p.safetensors"), steps=256
+        tiny, run=folder / "run", begin=tiny.run, motions=(folder / "clips.npz",), reaches=2, prior=str(folder / "p.safetensors"), steps=256
     )  # fmt: skip
 
 

@@ -1,0 +1,98 @@
+"""`teleop-bench falls`: hours of simulated driving with random commands while the arms play people's motions; falls an hour."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from policies import checkpoint
+from policies.bench.motions import motions
+from policies.bench.tracking import COMMANDS, FALLEN, HEIGHTS
+from policies.commit import commit
+from policies.motion.clip import ClipSet
+from policies.motion.playback import Playback
+from policies.walk import Walk
+from robots import catalog
+from robots.batch import Fleet
+from robots.catalog import Robot
+
+RAMP = np.array([1.5, 1.5, 3.0, 0.3])
+"""How fast commands change: vx, vy [m/s2], yaw rate [rad/s2], height [m/s]; what the page's pedals and slider do at most."""
+STAND = 0.25
+"""Share of commands that ask to stand."""
+
+
+@dataclass(frozen=True)
+class FallsBench:
+    """Drive many robots about at random for hours of robot time; the aim is no fall at all.
+
+    Example: teleop-bench falls --motions runs/clips.npz --hours 1
+    """
+
+    motions: Path | None = None
+    """As in `teleop-bench paper`."""
+    policy: tuple[str, ...] = ()
+    """Shipped weights by name, or .safetensors files; none: all that are shipped."""
+    hours: float = 1.0
+    """Of all robots together."""
+    robots: int = 64
+    """Side by side."""
+    robot: str = "h1"
+    """Name in the catalog."""
+    seed: int = 0
+    """Of commands and of who plays what."""
+    json: Path | None = None
+    """Also write the figures to this file."""
+
+
+def run(config: FallsBench) -> dict:
+    """Drive, print the table, return the JSON record."""
+    robot = catalog.load(config.robot)
+    clips = motions(robot, config.motions)
+    rows = [{"policy": policy} | drive(robot, policy, clips, config) for policy in config.policy or tuple(checkpoint.known("walk"))]
+    record = {"rows": rows, "clips": len(clips), "hours": config.hours, "seed": config.seed, "commit": commit()}
+    table = Table("policy", "falls", "falls a robot-hour", "walked km", title=f"{config.hours:g} robot-hours of random driving")
+    for row in rows:
+        table.add_row(Path(row["policy"]).stem, str(row["falls"]), f"{row['falls_per_hour']:.2f}", f"{row['kilometres']:.2f}")
+    Console().print(table)
+    if config.json:
+        config.json.write_text(json.dumps(record, indent=1) + "\n")
+    return record
+
+
+def drive(robot: Robot, policy: str, clips: ClipSet, config: FallsBench) -> dict:
+    """Robots that fall stand up again at home and go on."""
+    n, dt, rng = config.robots, 1 / robot.spec.policy_rate, np.random.default_rng(config.seed)
+    fleet, walk, playback = Fleet(robot, n), Walk(robot, policy, n), Playback(robot.spec, clips, n, rng, alpha=1.0)
+    playback.adaptive = False
+    everyone = np.ones(n, bool)
+    fleet.reset(everyone)
+    goal, asked, left = np.zeros((n, 4)), np.tile([0, 0, 0, robot.spec.nominal_height], (n, 1)), np.zeros(n)
+    goal[:, 3] = robot.spec.nominal_height
+    limits = np.vstack([COMMANDS, HEIGHTS]).T
+    state, falls, metres = fleet.state(), 0, 0.0
+    for _ in track(range(round(3600 * config.hours / n / dt)), f"driving {Path(policy).stem}", transient=True):
+        left -= dt
+        new = left <= 0
+        goal[new] = rng.uniform(*limits, (int(new.sum()), 4))
+        goal[new & (rng.random(n) < STAND), :3] = 0
+        left[new] = rng.uniform(2, 8, int(new.sum()))
+        asked += np.clip(goal - asked, -RAMP * dt, RAMP * dt)
+        upper, posture = playback.step(), np.column_stack([asked[:, 3], np.zeros((n, 2))])
+        state = fleet.step(np.concatenate([walk.act(state, asked[:, :3], posture, upper), upper], -1))
+        metres += float(np.linalg.norm(state.velocity[:, :2], axis=-1).sum()) * dt
+        fallen = (-state.gravity[:, 2] < FALLEN) | (state.position[:, 2] < 0.5 * robot.spec.nominal_height) | ~fleet.finite
+        if fallen.any():
+            falls += int(fallen.sum())
+            fleet.reset(fallen)
+            playback.reset(fallen, fallen)
+            walk.reset(np.tile(playback.home, (n, 1)), fallen)
+            asked[fallen], left[fallen] = [0, 0, 0, robot.spec.nominal_height], 0
+            state = fleet.state()
+    return {"falls": falls, "falls_per_hour": falls / config.hours, "kilometres": metres / 1000}
