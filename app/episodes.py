@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -20,7 +22,12 @@ from app.outputs.tape import DiskFailed, RowRing, WrongMoment
 from app.protocol import Wire
 from policies.episode import DamagedRecording, Ending, EpisodeInfo, Metadata
 from policies.recording.library import Library
+from policies.recording.model import CannotReplay, load_model
+from policies.recording.quality import Judge
+from policies.recording.reader import Recording
 from policies.recording.rewrite import RecordingInUse
+from robots import catalog
+from robots.errors import RobotError
 
 FRAME_RATE = 25.0
 """Frames a second of what the page shows again."""
@@ -40,6 +47,9 @@ class StartOrder(Wire):
     """Body of POST /api/episodes."""
 
     label: Label = ""
+    """What is to be done, in words."""
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    """Of the reset before it."""
 
 
 class StopOrder(Wire):
@@ -67,6 +77,8 @@ class EpisodeRecord(Wire):
     """Ticks recorded."""
     label: str
     success: bool | None
+    seed: int
+    """Of the reset before it; 0: not varied."""
     gaps: int
     """Places where ticks are missing."""
     missing: int
@@ -81,6 +93,50 @@ class EpisodeRecord(Wire):
         return EpisodeRecord.model_validate(values | {"file": info.file.name})
 
 
+class Happened(Wire):
+    """An event of an episode."""
+
+    seconds: float
+    """Since its start."""
+    kind: str
+    """engaged, hold, stopped, fault, fell, reset or gap."""
+    text: str
+
+
+class Figures(Wire):
+    """policies.recording.quality.Quality; null is a figure that the episode does not give."""
+
+    seconds: float
+    engaged: float
+    """Seconds with the operator engaged."""
+    falls: int
+    holds: int
+    """Times that an engaged operator was lost or let go."""
+    wrist_error: float | None
+    """Mean distance of the wrists from where they were told to be [m]."""
+    wrist_turn: float | None
+    """Mean angle between them [rad]."""
+    velocity_error: float | None
+    """m/s"""
+    yaw_rate_error: float | None
+    """rad/s"""
+    jerk: float | None
+    """Of the wrists, root mean square [m/s^3]."""
+    at_limit: float | None
+    """Share of the time with an arm joint at its limit."""
+
+
+class Summary(Wire):
+    """How an episode went."""
+
+    quality: Figures
+    events: tuple[Happened, ...]
+
+
+class CannotJudge(Exception):
+    """An episode whose model cannot be used here."""
+
+
 class Episodes:
     """All episodes of a folder, the one being recorded included. Safe to use from several threads."""
 
@@ -88,6 +144,8 @@ class Episodes:
         """Start the recorder, and mend in the background what a crash left behind. Arguments as for `Recorder`."""
         self.library = Library(directory)
         self.recorder = Recorder(directory, describe, rows)
+        self._summaries: dict[str, Summary] = {}
+        self._judging = threading.Lock()
         threading.Thread(target=self.library.tidy, name="tidy recordings", daemon=True).start()
 
     def infos(self) -> list[EpisodeInfo]:
@@ -124,6 +182,21 @@ class Episodes:
             UnknownEpisode, DamagedRecording, OSError
         """
         return self.library.frames(self.find(id), FRAME_RATE)
+
+    def summary(self, id: str) -> Summary:
+        """Figures and events of a finished episode; remembered, because they take a second a minute of it.
+
+        Raises:
+            WrongMoment: it is being recorded.
+            UnknownEpisode, CannotJudge, DamagedRecording, OSError
+        """
+        info = self.find(id)
+        if info.ended == "open":
+            raise WrongMoment(f"episode {id} is being recorded; stop it first")
+        with self._judging:
+            if id not in self._summaries:
+                self._summaries[id] = _judge(info)
+            return self._summaries[id]
 
     def discard(self, id: str) -> None:
         """Forget an episode, the one being recorded included.
@@ -171,7 +244,8 @@ def router(episodes: Episodes) -> APIRouter:
     def start(order: StartOrder | None = None) -> Started:
         """Record from now on."""
         with _as_http():
-            return Started(id=episodes.recorder.start("" if order is None else order.label))
+            order = order or StartOrder()
+            return Started(id=episodes.recorder.start(order.label, order.seed))
 
     @api.post("/{id}/stop")
     def stop(id: Id, order: StopOrder | None = None) -> EpisodeRecord:
@@ -199,6 +273,12 @@ def router(episodes: Episodes) -> APIRouter:
             name = {"Content-Disposition": f'attachment; filename="{id}.mcap"'}
             return StreamingResponse(episodes.download(id), media_type="application/octet-stream", headers=name)
 
+    @api.get("/{id}/summary")
+    def summary(id: Id) -> Summary:
+        """How well a finished episode went, and what happened in it."""
+        with _as_http():
+            return episodes.summary(id)
+
     @api.get("/{id}/frames")
     def frames(id: Id) -> Response:
         """qpos at 25 Hz as little-endian float32, row after row; the header X-Columns tells the numbers a row."""
@@ -210,6 +290,18 @@ def router(episodes: Episodes) -> APIRouter:
     return api
 
 
+def _judge(info: EpisodeInfo) -> Summary:
+    try:
+        with Recording(info.file) as recording:
+            rows, metadata = recording.episode(info).rows, recording.metadata
+            judge = Judge(load_model(recording), catalog.load(metadata.robot).spec, metadata)
+    except (CannotReplay, RobotError) as error:
+        raise CannotJudge(str(error)) from error
+    figures = {name: value if math.isfinite(value) else None for name, value in asdict(judge.quality(rows)).items()}
+    events = tuple(Happened(**asdict(event)) for event in judge.events(rows))
+    return Summary(quality=Figures.model_validate(figures), events=events)
+
+
 @contextmanager
 def _as_http() -> Iterator[None]:
     """Turn what went wrong into a status and a sentence."""
@@ -217,7 +309,7 @@ def _as_http() -> Iterator[None]:
         yield
     except UnknownEpisode as error:
         raise HTTPException(status.HTTP_404_NOT_FOUND, str(error)) from error
-    except (WrongMoment, RecordingInUse) as error:
+    except (WrongMoment, RecordingInUse, CannotJudge) as error:
         raise HTTPException(status.HTTP_409_CONFLICT, str(error)) from error
     except DamagedRecording as error:
         raise HTTPException(status.HTTP_500_INTERNAL_SERVER_ERROR, str(error)) from error

@@ -215,5 +215,5 @@ def ask_from(record: np.void | None, serial: int) -> Ask:
     stamps = np.where(record["stamp"] != 0, record["stamp"] * 1e-9, -np.inf)
     flags = {name: record[name].astype(bool) for name in ("given", "engage")}
     counters = {name: record[name].astype(int) for name in ("driver", "presses")}
-    stops, resets, smooth = int(record["stops"]), int(record["resets"]), bool(record["smooth"])
-    return Ask(serial, record["vector"], smooth=smooth, stamps=stamps, stops=stops, resets=resets, seed=int(record["seed"]), **flags, **counters)
+    counts = {"stops": int(record["stops"]), "resets": int(record["resets"]), "seed": int(record["seed"])}
+    return Ask(serial, record["vector"], smooth=bool(record["smooth"]), stamps=stamps, **flags, **counters, **counts)

@@ -148,7 +148,10 @@ class EpisodeInfo:
     """Recorded ticks divided by their rate."""
     rows: int = 0
     label: str = ""
+    """What was to be done, in words: the task that a policy is trained on."""
     success: bool | None = None
+    seed: int = 0
+    """Of the reset before it (see Plant.reset)."""
     gaps: int = 0
     """Places where the tick number did not go up by one."""
     missing: int = 0

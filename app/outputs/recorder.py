@@ -53,14 +53,14 @@ class Recorder:
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
-    def start(self, label: str = "") -> str:
-        """Open an episode and return its id.
+    def start(self, label: str = "", seed: int = 0) -> str:
+        """Open an episode and return its id; `seed` is that of the reset before it.
 
         Raises:
             WrongMoment: one is open already.
             DiskFailed: the file cannot be made or written.
         """
-        return self._ask(lambda: self._tape.start(label))
+        return self._ask(lambda: self._tape.start(label, seed))
 
     def stop(self, id: str, label: str | None = None, success: bool | None = None) -> EpisodeInfo:
         """Close the open episode; when this returns, the disk has it. A label given here replaces the one of `start`.

@@ -91,7 +91,7 @@ class Tape:
         except DiskFailed as error:
             _log.error("%s", error)
 
-    def start(self, label: str) -> str:
+    def start(self, label: str, seed: int = 0) -> str:
         """Open an episode and return its id.
 
         Raises:
@@ -105,7 +105,7 @@ class Tape:
                 self.release()
             if self._session is None:
                 self._session = self._new_session(metadata, model)
-            self.open = self._begin(self._session, label)
+            self.open = self._begin(self._session, label, seed)
         self.alarm, id = None, self.open.id
         self.pump()  # a disk that made the file slowly has let rows pile up
         return id
@@ -168,9 +168,10 @@ class Tape:
         self._number = 0
         return _Session(file, EpisodeWriter(file, metadata, model))
 
-    def _begin(self, session: _Session, label: str) -> EpisodeInfo:
+    def _begin(self, session: _Session, label: str, seed: int) -> EpisodeInfo:
         self._number, path = self._number + 1, session.file.path
-        session.writer.begin(EpisodeInfo(f"{path.stem}_{self._number:03d}", self._number, path, time.time(), label=label))
+        id = f"{path.stem}_{self._number:03d}"
+        session.writer.begin(EpisodeInfo(id, self._number, path, time.time(), label=label, seed=seed))
         session.writer.flush()
         if self._number == 1:
             session.file.publish()

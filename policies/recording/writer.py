@@ -45,11 +45,12 @@ class EpisodeWriter:
         self._last_tick: int | None = None
 
     def begin(self, info: EpisodeInfo) -> None:
-        """Open an episode: id, number, start and label count, the rest is ignored."""
+        """Open an episode: id, number, start, label and seed count, the rest is ignored."""
         self._info = replace(info, seconds=0.0, rows=0, success=None, gaps=0, missing=0, ended="open")
         self._last_tick = None
+        start = {name: getattr(info, name) for name in ("id", "label", "start", "seed")}
         # The description in each start message survives damage elsewhere in the file.
-        self._event(info.number, info.start, event="start", id=info.id, label=info.label, start=info.start, metadata=self._description)
+        self._event(info.number, info.start, event="start", metadata=self._description, **start)
 
     @property
     def info(self) -> EpisodeInfo:

@@ -18,10 +18,14 @@ from small_rows import DTYPE, METADATA, MODEL, NQ, PACKED_MODEL, START, make_row
 from app import recordings
 from app.episodes import Episodes, router
 from app.shared import Ring
-from policies.episode import EpisodeInfo
+from policies.command import Command
+from policies.episode import EpisodeInfo, row_dtype
+from policies.recording.provenance import describe
 from policies.recording.reader import Recording
 from policies.recording.session_file import SessionFile
 from policies.recording.writer import EpisodeWriter
+from robots import catalog
+from robots.plant import Plant
 
 
 class Site:
@@ -231,3 +235,38 @@ def test_the_replay_command_says_what_is_wrong(site: Site, tmp_path: Path, capsy
     assert "no episode 7; its episodes: 1" in capsys.readouterr().err
     assert recordings.replay(tmp_path / "nothing.mcap") == 1
     assert "nothing.mcap" in capsys.readouterr().err
+
+
+def test_a_summary_tells_figures_and_events(site: Site, tmp_path: Path):
+    plant = Plant(catalog.load("h1"))
+    metadata, packed = describe(
+        plant.spec, plant.model, row_dtype(plant.model.nu, plant.save().size, 1, 0, 1), "none", None, ("stopped", "driving")
+    )
+    rows = np.zeros(100, metadata.dtype)
+    rows["tick"], rows["state"], rows["applied"] = range(100), plant.save(), Command().vector()
+    rows["mode"][20:], rows["reason"][20:] = 2, 1
+    with (tmp_path / "lab.mcap").open("wb") as output:
+        writer = EpisodeWriter(output, metadata, packed)  # pyright: ignore[reportArgumentType]
+        writer.begin(EpisodeInfo("lab_001", 1, tmp_path / "lab.mcap", START, seed=7))
+        writer.rows(rows)
+        writer.end(START)
+        writer.finish()
+    assert site.json("GET", "")[0]["seed"] == 7
+    told = site.json("GET", "/lab_001/summary")
+    assert told["events"] == [
+        {"seconds": 0.0, "kind": "stopped", "text": "stopped"},
+        {"seconds": 0.4, "kind": "engaged", "text": "driving"},
+    ]
+    quality = told["quality"]
+    assert (quality["seconds"], quality["engaged"], quality["falls"], quality["jerk"]) == (2.0, 1.6, 0, 0.0)
+    assert 0 < quality["wrist_error"] < 0.5
+
+
+def test_an_episode_that_cannot_be_judged_says_why(site: Site):
+    id, _ = site.record(5)
+    code, text = site.ask("GET", f"/{id}/summary")
+    assert (code, "mujoco" in json.loads(text)["detail"]) == (409, True)
+    open_one = site.json("POST", "", {"label": "wave", "seed": 3})["id"]
+    assert site.json("GET", "")[0]["seed"] == 3
+    assert site.ask("GET", f"/{open_one}/summary")[0] == 409
+    assert site.ask("GET", "/nothing/summary")[0] == 404

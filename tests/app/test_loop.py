@@ -97,6 +97,19 @@ def test_reset_goes_home_and_forgets(rig: Rig) -> None:
     assert rig.policy.resets == resets + 1
 
 
+def test_a_seeded_reset_starts_elsewhere_with_the_wrists_left_where_they_are(rig: Rig) -> None:
+    home = rig.tick()
+    rig.operators.reset(seed=5)
+    rig.tick()
+    varied = rig.rows.newest()
+    assert varied["jump"]
+    assert not np.array_equal(varied["state"][1:3], home["qpos"][:2])
+    assert not np.allclose(rig.applied().wrists, home["applied"][7:21].reshape(2, 7), atol=1e-3)
+    rig.operators.reset()
+    rig.tick()
+    np.testing.assert_array_equal(rig.rows.newest()["state"][1:3], home["qpos"][:2])
+
+
 def test_after_a_fall_the_policy_is_not_asked_any_more(rig: Rig) -> None:
     rig.plant.drop()
     rig.tick(2)

@@ -42,10 +42,10 @@ class Site:
         self._thread.start()
         eventually(lambda: self._server.started)
 
-    def reset(self) -> None:
+    def reset(self, seed: int) -> None:
         if self.broken:
             raise SimulationFailed("the robot is broken")
-        self.simulation.restart() if self.simulation.lost else self.operators.reset()
+        self.simulation.restart() if self.simulation.lost else self.operators.reset(seed)
 
     def close(self) -> None:
         self._server.should_exit = True

@@ -46,6 +46,19 @@ def test_a_standing_robot_senses_its_weight_and_its_feet(plant):
     np.testing.assert_allclose(state.feet[:, 2], -state.position[2], atol=0.02)
 
 
+def test_a_seed_draws_a_start_near_home_and_always_the_same_one(plant):
+    home, one, again, other = (plant.reset(seed) for seed in (0, 7, 7, 8))
+    np.testing.assert_array_equal(one.q, again.q)
+    np.testing.assert_array_equal(one.position, again.position)
+    assert not np.array_equal(one.q, other.q)
+    legs = H1.group("legs")
+    np.testing.assert_array_equal(one.q[legs], home.q[legs])
+    assert 0 < np.abs(one.q - home.q).max() <= 0.12
+    assert 0 < np.linalg.norm(one.position - home.position) < 0.22
+    assert 0 < abs(one.yaw) < 0.36
+    np.testing.assert_allclose(one.gravity, (0, 0, -1), atol=1e-12)
+
+
 def test_save_and_restore_replays_bit_for_bit(plant):
     targets = wandering(30, 41)
     for q in targets[:10]:
