@@ -1,5 +1,6 @@
 # make run   start the server on http://127.0.0.1:8080
 # make test  install what the tests need and run them
+# make test-safety  the failsafe contract, row by row, with what was measured (about 15 minutes)
 # make check style, types, import contracts
 # make bench print the figures of the README
 
@@ -7,13 +8,16 @@ PYTHON ?= $(firstword $(foreach p,python3.11 python3.12 python3.13 python3,$(if 
 BIN := .venv/bin
 ARGS ?=
 
-.PHONY: run test check bench clean
+.PHONY: run test test-safety check bench clean
 
 run: .venv/run
 	@$(BIN)/teleop serve $(ARGS)
 
 test: .venv/test
 	$(BIN)/pytest $(ARGS)
+
+test-safety: .venv/test
+	$(BIN)/pytest --contract -m row $(ARGS)
 
 check: .venv/test
 	$(BIN)/ruff check .

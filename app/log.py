@@ -27,10 +27,16 @@ class JsonLines(logging.Formatter):
         return json.dumps(line, default=str)
 
 
+def _our_failure(record: logging.LogRecord) -> bool:
+    """A client that sends text which is no UTF-8 is closed, and uvicorn would print a traceback each time."""
+    return not record.getMessage().startswith("Invalid UTF-8 sequence")
+
+
 def configure(form: Form) -> None:
     """Write to standard error: warnings as text, or everything from information on as JSON."""
     handler = logging.StreamHandler()
     if form == "json":
         handler.setFormatter(JsonLines())
     logging.basicConfig(handlers=[handler], level=logging.WARNING, force=True)
+    logging.getLogger("uvicorn.error").addFilter(_our_failure)
     logging.getLogger("app").setLevel(logging.INFO if form == "json" else logging.WARNING)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from unittest import mock
 
 import numpy as np
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
@@ -122,5 +123,5 @@ class Crew(RuleBasedStateMachine):
         return list(self.clients.values()).index(driver)
 
 
-TestCrew = Crew.TestCase
+TestCrew = pytest.mark.row(11)(Crew.TestCase)
 TestCrew.settings = settings(max_examples=60, stateful_step_count=30, deadline=None)

@@ -11,12 +11,14 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
+import pytest
 from stand_ins import eventually
 
 from app import recordings
 from policies.recording.reader import Recording
 
 
+@pytest.mark.row(2, 13)
 def test_what_was_recorded_before_a_kill_recovers_and_replays(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "app", "--port", "0", "--recordings", str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2], start_new_session=True) as teleop:

@@ -101,6 +101,7 @@ def test_a_press_before_the_guard_existed_is_not_fresh() -> None:
     assert guard.step(100.0, old, standing()).mode == Mode.STOPPED
 
 
+@pytest.mark.row(1)
 def test_silence_of_200_ms_holds_and_velocity_is_zero_by_300_ms(engaged: Bench) -> None:
     assert engaged.drive(1.0, twist=np.array([1.0, 0.4, 1.0])) is not None
     silent_since = engaged.now - DT  # the newest message came just before the newest tick
@@ -114,6 +115,7 @@ def test_silence_of_200_ms_holds_and_velocity_is_zero_by_300_ms(engaged: Bench) 
     assert not engaged.tick().command.twist.any()
 
 
+@pytest.mark.row(1)
 def test_a_machine_that_misses_ticks_brakes_in_the_same_time(engaged: Bench) -> None:
     engaged.drive(1.0, twist=np.array([1.0, 0.4, 1.0]))
     silent_since = engaged.ask.stamp
@@ -131,6 +133,7 @@ def test_coming_back_from_silence_needs_a_fresh_press(engaged: Bench) -> None:
     assert engaged.tick().mode == Mode.ENGAGED
 
 
+@pytest.mark.row(3)
 def test_release_holds_at_once_and_wrists_stay(engaged: Bench) -> None:
     wrists = shifted(0.05, 0, 0.05)
     moved = engaged.drive(0.5, wrists=wrists, height=0.9)
@@ -141,6 +144,7 @@ def test_release_holds_at_once_and_wrists_stay(engaged: Bench) -> None:
     assert held.command.height == moved.height
 
 
+@pytest.mark.row(11)
 def test_another_driver_passes_through_hold(engaged: Bench) -> None:
     engaged.say(replace(HOME, engage=True), driver=np.array([2, 2]), presses=engaged.pressed())
     assert engaged.tick().reason == Reason.TAKEN_OVER
@@ -149,12 +153,14 @@ def test_another_driver_passes_through_hold(engaged: Bench) -> None:
     assert engaged.tick().mode == Mode.ENGAGED
 
 
+@pytest.mark.row(11)
 def test_stop_beats_a_press_in_the_same_tick(engaged: Bench) -> None:
     engaged.say(replace(HOME, engage=True), stops=1, presses=engaged.pressed())
     assert engaged.tick().mode == Mode.STOPPED
     assert engaged.tick(ticks=5).reason == Reason.STOP_PRESSED
 
 
+@pytest.mark.row(8)
 @pytest.mark.parametrize("state", [standing(tilt=np.deg2rad(61)), standing(height=0.49)])
 def test_a_fall_is_a_fault_in_the_same_tick_and_latches(engaged: Bench, state: State) -> None:
     assert engaged.tick(state).reason == Reason.FALLEN
@@ -176,6 +182,7 @@ def test_commands_are_clipped_to_what_the_legs_were_trained_on(engaged: Bench) -
     np.testing.assert_allclose([command.height, command.roll, command.pitch], [POSTURE[0, 0], POSTURE[1, 1], POSTURE[0, 2]])
 
 
+@pytest.mark.row(5)
 def test_engaging_far_from_the_target_moves_the_wrist_slowly_there(engaged: Bench) -> None:
     far = shifted(0.4, 0.2, 0.3)
     first = engaged.drive(DT, wrists=far).wrists
@@ -188,6 +195,7 @@ def test_a_wrist_that_nobody_set_stays(bench: Bench) -> None:
     np.testing.assert_array_equal(bench.drive(0.5, wrists=shifted(0.1, 0, 0)).wrists, HOME.wrists)
 
 
+@pytest.mark.row(5)
 def test_a_jump_lets_go_until_the_target_comes_back(engaged: Bench) -> None:
     engaged.drive(0.1, wrists=HOME.wrists)
     jumped = HOME.wrists.copy()
@@ -200,6 +208,7 @@ def test_a_jump_lets_go_until_the_target_comes_back(engaged: Bench) -> None:
     assert not engaged.guard.limiter.let_go.any()
 
 
+@pytest.mark.row(5)
 def test_a_turn_of_more_than_60_degrees_lets_go_and_a_fresh_press_takes_hold_again(engaged: Bench) -> None:
     engaged.drive(0.1, wrists=HOME.wrists)
     turned = HOME.wrists.copy()
@@ -230,6 +239,7 @@ def test_the_arms_hold_when_their_driver_lets_go_and_the_legs_walk_on(engaged: B
     np.testing.assert_allclose(command.twist, [0.5, 0, 0])
 
 
+@pytest.mark.row(11)
 def test_taking_the_legs_holds_the_legs_only(engaged: Bench) -> None:
     engaged.drive(0.5, twist=np.array([0.5, 0, 0]))
     engaged.say(replace(HOME, engage=True), driver=np.array([0, 1]))
@@ -258,6 +268,7 @@ BAD = {
 }
 
 
+@pytest.mark.row(4)
 @pytest.mark.parametrize(("index", "value"), BAD.values(), ids=BAD.keys())
 def test_a_bad_command_is_counted_and_is_no_sign_of_life(engaged: Bench, index: int, value: float) -> None:
     good = engaged.drive(0.3, twist=np.array([0.5, 0, 0]))
@@ -290,6 +301,7 @@ honest = st.builds(_honest, targets, st.floats(-3, 3))
 moments = st.tuples(st.one_of(vectors, honest, honest), st.integers(1, 8), st.booleans(), st.sampled_from([0.0, 0.0, 0.0, 0.3, 1.2]))
 
 
+@pytest.mark.row(4, 5)
 @settings(max_examples=30, deadline=None)
 @given(st.lists(moments, max_size=12))
 def test_whatever_arrives_the_robot_follows_finite_commands_within_speed_limits_and_faults_latch(script) -> None:

@@ -118,6 +118,7 @@ def test_after_a_fall_the_policy_is_not_asked_any_more(rig: Rig) -> None:
     assert len(rig.policy.commands) == asked
 
 
+@pytest.mark.row(7)
 @pytest.mark.parametrize("failure", ["nan", "shape", "raise", "late"])
 def test_one_bad_action_repeats_the_last_good_one_and_two_are_a_fault(failure: str) -> None:
     rig = Rig(lambda home: Faulty(home, ["ok", "ok", failure, "ok", failure, failure]))
@@ -142,6 +143,7 @@ def test_the_default_pose_is_reached_slowly() -> None:
     assert np.abs(np.diff(ctrl, axis=0)).max() <= 0.02 + 1e-9
 
 
+@pytest.mark.row(9)
 def test_physics_that_diverges_goes_back_to_the_last_good_state(rig: Rig) -> None:
     rig.tick(10)
     resets = rig.policy.resets

@@ -15,7 +15,8 @@ from stand_ins import eventually
 from robots import catalog
 
 
-def test_engage_and_w_make_it_walk_and_letting_go_makes_it_stand(pages, robot):
+@pytest.mark.row(3)
+def test_engage_and_w_make_it_walk_and_letting_go_makes_it_stand(pages, robot, measured):
     page = pages()
     page.keyboard.down("w")
     time.sleep(0.3)
@@ -35,23 +36,29 @@ def test_engage_and_w_make_it_walk_and_letting_go_makes_it_stand(pages, robot):
         walk(page, robot)
         return stopped_within(page, robot, lambda: page.keyboard.up("w"))
 
-    assert best_of_three(stopped) < SOON
+    took = best_of_three(stopped)
+    assert took < SOON
+    measured(3, f"W released in the browser: no velocity after {1e3 * took:.0f} ms")
     eventually(lambda: abs(robot.health["base"]["vx"]) < 0.15)
     assert robot.health["upright"]
 
 
+@pytest.mark.row(3)
 @pytest.mark.parametrize("event", ["blur", "pagehide"])
-def test_losing_the_page_lets_go_at_once(pages, robot, event):
+def test_losing_the_page_lets_go_at_once(pages, robot, event, measured):
     page = pages()
 
     def lost() -> float:
         walk(page, robot)
         return stopped_within(page, robot, lambda: page.evaluate(f"dispatchEvent(new Event('{event}'))"))
 
-    assert best_of_three(lost) < SOON
+    took = best_of_three(lost)
+    assert took < SOON
+    measured(3, f"{event}: HOLD, and no velocity after {1e3 * took:.0f} ms")
     assert robot.health["state"] == "HOLD"
 
 
+@pytest.mark.row(3)
 def test_hiding_the_page_lets_go(pages, robot):
     page = pages()
     walk(page, robot)
@@ -59,7 +66,8 @@ def test_hiding_the_page_lets_go(pages, robot):
     eventually(lambda: robot.health["state"] == "HOLD" and robot.vx == 0, 2)
 
 
-def test_closing_the_tab_while_w_is_held_stops_the_robot(pages, robot):
+@pytest.mark.row(1)
+def test_closing_the_tab_while_w_is_held_stops_the_robot(pages, robot, measured):
     def closed() -> float:
         page = pages()
         walk(page, robot)
@@ -69,12 +77,15 @@ def test_closing_the_tab_while_w_is_held_stops_the_robot(pages, robot):
             time.sleep(0.005)
         return time.time() - before
 
-    assert best_of_three(closed) < SOON
+    took = best_of_three(closed)
+    assert took < SOON
+    measured(1, f"browser tab closed while walking: no velocity after {1e3 * took:.0f} ms")
     eventually(lambda: robot.health["state"] == "HOLD")
     time.sleep(1.0)
     assert robot.health["upright"]
 
 
+@pytest.mark.row(3)
 def test_a_pedal_walks_while_it_is_pressed(pages, robot):
     page = pages(has_touch=True)
     box = page.locator("[data-direction=forward]").bounding_box()

@@ -104,6 +104,7 @@ def test_nothing_is_written_before_the_first_episode(tape: Tape, simulation: Sim
     assert list(tape.directory.iterdir()) == []
 
 
+@pytest.mark.row(14)
 def test_a_ring_that_overran_is_a_counted_gap(tape: Tape, simulation: Simulation):
     episode = tape.start("")
     simulation.run(10)
@@ -159,6 +160,7 @@ def test_a_discarded_episode_is_hidden_and_dropped(tape: Tape, simulation: Simul
     assert path.stat().st_size < size
 
 
+@pytest.mark.row(12)
 def test_a_full_disk_truncates_the_episode_and_loses_no_flushed_row(tape: Tape, simulation: Simulation, full_disk: Callable[[int], None]):
     episode = tape.start("big")
     path = tape.path
@@ -186,6 +188,7 @@ def test_a_full_disk_truncates_the_episode_and_loses_no_flushed_row(tape: Tape, 
     assert infos["room again"].ended == "stopped"
 
 
+@pytest.mark.row(12)
 def test_a_slow_disk_raises_the_alarm_and_loses_no_row(recorder: Recorder, simulation: Simulation, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("app.outputs.recorder.SLOW_DISK", 0.1)
     hangs, flush = threading.Event(), SessionFile.flush
@@ -252,6 +255,7 @@ def quick_disk(tmp_path: Path) -> Iterator[Path]:
         yield Path(folder)
 
 
+@pytest.mark.row(13)
 def test_a_kill_loses_half_a_second_at_most(quick_disk: Path):
     script = Path(__file__).with_name("record_until_killed.py")
     folders = [quick_disk / str(i) for i in range(3)]

@@ -169,6 +169,7 @@ def test_a_closed_socket_holds_and_frees_the_lease(driver: Driver, site: Site) -
     assert site.health()["driver"] is None
 
 
+@pytest.mark.row(11)
 def test_anyone_stops(driver: Driver, site: Site) -> None:
     site.ask("/api/stop", "POST")
     eventually(lambda: driver.newest["state"] == "STOPPED")
@@ -178,6 +179,7 @@ def test_anyone_stops(driver: Driver, site: Site) -> None:
     eventually(lambda: driver.newest["state"] == "ENGAGED")
 
 
+@pytest.mark.row(11)
 def test_a_second_operator_watches_until_it_takes_over_and_the_robot_holds_between(driver: Driver, site: Site) -> None:
     second = Driver(site, engage=True)
     try:
@@ -197,6 +199,7 @@ def test_a_second_operator_watches_until_it_takes_over_and_the_robot_holds_betwe
         second.close()
 
 
+@pytest.mark.row(11)
 def test_two_drive_a_role_each_and_a_third_watches(site: Site) -> None:
     arms, legs = (
         Driver(site, name="Ada", roles=["arms"], engage=True),
@@ -250,6 +253,7 @@ def test_a_wrong_field_is_refused_counted_and_told(site: Site, message: str) -> 
     assert site.health()["rejected"] == before + 1
 
 
+@pytest.mark.row(15)
 @pytest.mark.parametrize(
     ("packets", "code"),
     [(["{"], 1007), (["[1]"], 1007), ([b"\x00\x01"], 1003), ([" " * 70_000], 1009), (['{"seq":1}'] * 400, 1008)],
@@ -278,6 +282,7 @@ def test_other_sites_and_other_names_reach_nothing(site: Site) -> None:
         site.ask("/api/stop", "POST", Origin="http://evil.example")
 
 
+@pytest.mark.row(21)
 def test_nothing_changes_by_get(site: Site) -> None:
     for path in ("/api/stop", "/api/reset"):
         with pytest.raises(urllib.error.HTTPError, match="405"):
