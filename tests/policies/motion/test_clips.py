@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from policies.motion.clip import Clip, ClipSet, Split, UnusableClips
+from policies.motion.errors import UnknownClip, UnreadableMotion
+from policies.motion.find import find
 from policies.motion.folder import NoMotion, RetargetConfig, retarget
 from policies.motion.labels import guess
 from policies.motion.person import Person
@@ -158,3 +160,18 @@ def test_a_retargeting_that_was_stopped_goes_on(tmp_path: Path, hanging: Callabl
     for one, other in zip(resumed.clips, whole.clips, strict=True):
         np.testing.assert_array_equal(one.q, other.q)
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
+def test_a_motion_is_found_by_name_as_its_twin_or_as_a_file(tmp_path: Path, hanging: Callable[..., Path]) -> None:
+    store, file = tmp_path / "clips.npz", tmp_path / "07_01.bvh"
+    ClipSet.of(SPEC, [clip("one")]).save(store)
+    bend = 60 + 30 * np.sin(np.linspace(0, 9, 90))
+    hanging(file, bend)
+    np.testing.assert_array_equal(find("one", store, ROBOT).q, clip("one").q)
+    np.testing.assert_array_equal(find("one~mirror", store, ROBOT).q, clip("one").mirrored(SPEC).q)
+    elbow = np.pi / 2 - np.radians(np.interp(np.arange(75) / 50, np.arange(90) / 60, bend))
+    np.testing.assert_allclose(find(str(file), tmp_path / "none.npz", ROBOT).q[5:70, 4], elbow[5:70], atol=0.02)
+    with pytest.raises(UnknownClip, match=r"no clip named 'on' .* known clips: one"):
+        find("on", store, ROBOT)
+    with pytest.raises(UnreadableMotion, match=r"brief\.bvh: only"):
+        find(str(hanging(tmp_path / "brief.bvh", bend[:20])), store, ROBOT)
