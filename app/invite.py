@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from urllib.parse import urlencode, urlsplit
 
 import segno
@@ -21,7 +20,7 @@ class Invitation(BaseModel):
     link: str
     """The page, which then drives this role only."""
     qr: str
-    """The link as an SVG."""
+    """The link as the data URL of an SVG."""
     reach: str
     """Why another device cannot open it, as a sentence; empty where one can."""
 
@@ -35,10 +34,9 @@ def router(token: str | None = None) -> APIRouter:
         """A link under the name by which this very request reached the program."""
         query = urlencode({"role": role} | ({"token": token} if token else {}))
         link = f"{request.url.scheme}://{request.headers['host']}/?{query}"
-        drawing = io.BytesIO()
-        segno.make(link, error="m").save(drawing, kind="svg", xmldecl=False, scale=4, border=2, light="#fff")
+        drawing = segno.make(link, error="m").svg_data_uri(scale=4, border=2, light="#fff")
         response.headers["Cache-Control"] = "no-store"
         here = urlsplit(link).hostname in LOOPBACK
-        return Invitation(link=link, qr=drawing.getvalue().decode(), reach=ONLY_HERE if here else "")
+        return Invitation(link=link, qr=drawing, reach=ONLY_HERE if here else "")
 
     return api

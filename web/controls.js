@@ -1,8 +1,10 @@
 // Buttons, pedals and sliders: what a hand on the page does to the pilot.
 
 import { label } from "./keys.js";
+import { ROLES } from "./roles.js";
 
 const DIRECTIONS = new Set(["forward", "back", "left", "right", "turn-left", "turn-right"]);
+const FIELDS = { legs: ["height", "roll", "pitch"], arms: ["waist", "grip-left", "grip-right", "neck-yaw", "neck-pitch"] };
 const HINT_MS = 4000;
 const DEGREES = 180 / Math.PI;
 
@@ -38,8 +40,9 @@ export class Controls {
 
   // Sliders of the posture follow the robot while this page does not move them.
   follow(answer) {
+    for (const role of ROLES) for (const field of FIELDS[role]) this.$(`[data-field=${field}]`).disabled = !this.pilot.roles.may(role);
     if (this.pilot.engaged) return;
-    for (const field of ["height", "roll", "pitch"]) this.#set(this.$(`[data-field=${field}]`), answer.command[field]);
+    for (const field of FIELDS.legs) this.#set(this.$(`[data-field=${field}]`), answer.command[field]);
   }
 
   keycaps() {

@@ -92,7 +92,7 @@ export class Crew {
     this.#invited = figure.hidden ? null : role;
     if (figure.hidden) return;
     const { link, qr, reach } = await (await fetch(`/api/invite/${role}`)).json();
-    figure.innerHTML = `${qr}<figcaption><a href="${link}" target="_blank">${link}</a></figcaption>`;
+    figure.innerHTML = `<img alt="QR code" src="${qr}"><figcaption><a href="${link}" target="_blank">${link}</a></figcaption>`;
     if (reach) figure.querySelector("figcaption").append(reach);
   }
 }

@@ -43,8 +43,8 @@ const MARKUP = `
     <p class="crew"><button id="crew-button" title="Who drives what" aria-expanded="false"><span id="driver"></span><span id="watchers"></span></button><span id="factor"></span></p>
     <button id="take" class="small" hidden>Take over</button>
     <p id="request" hidden><span></span><button class="small">Hand over</button></p>
+    <div class="members" id="crew" hidden></div>
   </section>
-  <section class="members card" id="crew" hidden></section>
 
   <nav class="tools card">
     <div class="views" role="radiogroup" aria-label="View">

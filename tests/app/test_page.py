@@ -187,6 +187,7 @@ def _put_camera_beside(page: Page, robot: Robot, wrist: dict[str, Any]) -> tuple
     base, away, fov = robot.health["base"], 0.9, 0.7
     spot = np.add(wrist["position"], [0, 0, base["z"]])  # the robot stands at the origin and looks along x
     camera = np.add(spot, [0, away, 0]).tolist()
+    page.locator(".deck").evaluate("deck => (deck.hidden = true)")  # in so small a view the pedals lie over the robot
     page.evaluate("""() => teleopTap.addEventListener("sent", ({ detail }) => {
         if (detail.type === "ViewerCameraMessage") window.camera = detail.position;
         if (detail.type === "TransformControlsUpdateMessage") window.drags?.push(detail.position);
@@ -246,7 +247,7 @@ def test_a_link_for_a_phone_is_drawn(pages, robot):
     page = pages()
     click(page, "#crew-button")
     click(page, "[data-invite=legs]")
-    eventually(lambda: page.locator("#invite svg path").count())
+    eventually(lambda: page.locator("#invite img").count())
     assert page.locator("#invite a").get_attribute("href") == f"{robot.url}/?role=legs"
 
 
@@ -286,3 +287,23 @@ def test_an_episode_is_recorded_listed_played_back_and_deleted(pages, robot):
     click(page, "#episodes [data-sure]")
     eventually(lambda: robot.ask("/api/episodes") == [])
     eventually(lambda: page.locator("#no-episodes:not([hidden])").count())
+
+
+SWING = """async ([arm, tremble, width]) => {
+  const { Reach } = await import("/web/reach.js"), reach = new Reach();
+  for (let i = 0; i < 240; i++) {
+    const up = width * Math.sin(i / 47), side = width * Math.sin(i / 30), noise = () => tremble * Math.sin(i * i);
+    const [x, y, z] = [arm * Math.cos(side) * Math.cos(up), arm * Math.sin(up), arm * Math.sin(side) * Math.cos(up)];
+    reach.add([0.2 + x + noise(), 1.3 + y - noise(), -0.1 + z + noise()]);
+  }
+  return reach.measure();
+}"""
+"""A straight arm [m] that swings about, over plus and minus `width` [rad]."""
+
+
+def test_a_swinging_arm_tells_its_length_and_one_that_hardly_swings_what_to_do(pages, robot):
+    page = pages()
+    for arm in (0.45, 0.65):
+        assert page.evaluate(SWING, [arm, 0.004, 0.8])["arm"] == pytest.approx(arm, abs=0.01)
+    assert "wider" in page.evaluate(SWING, [0.55, 0.004, 0.1])["why"]
+    assert "straight" in page.evaluate(SWING, [0.55, 0.06, 0.8])["why"]
