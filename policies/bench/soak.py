@@ -22,7 +22,7 @@ from policies.bench import drive
 from policies.bench.stream import server
 from policies.commit import commit
 
-SAMPLE = 2.0
+SAMPLE = 5.0
 """Seconds between two looks at the processes."""
 WARM_UP = 0.2
 """Share of the time after which memory should have settled."""
