@@ -1,45 +1,57 @@
-// Recording, the list of episodes, and playback.
+// Recording: the episode that is open, how it ends, and the list of those before.
 
 import { icon } from "./overlay.js";
-import { Episode } from "./sources.js";
+import { Playback, clock, name, when } from "./playback.js";
 import { text } from "./status.js";
 
 const SURE_MS = 3000; // for the second press of a delete button
+const FRESH = "teleop fresh start", SEED = "teleop next seed";
+const MARKS = { true: "✓", false: "✗", null: "" };
 
 export class Episodes {
   #recording = null; // id of the open episode
   #since = 0;
   #list = [];
+  #seed = 0; // of the start that this page made; 0: none since the last episode
 
-  constructor($, stage, controls) {
-    Object.assign(this, { $, stage, controls });
+  // reset: puts the robot back, with a seed; resolves to whether it did.
+  constructor($, stage, controls, reset) {
+    Object.assign(this, { $, controls, reset });
+    this.playback = new Playback($, stage, controls);
     $("#record").addEventListener("click", () => this.toggle());
-    $("#discard").addEventListener("click", () => this.#ask("POST", `/${this.#recording}/discard`));
-    $("#playback-close").addEventListener("click", () => stage.play(null));
-    $("#playback-toggle").addEventListener("click", () => this.#pause());
-    $("#playback-time").addEventListener("input", ({ target }) => {
-      stage.playback.playing = false;
-      stage.playback.seek(Number(target.value));
-    });
-    stage.addEventListener("playback", () => ($("#playback").hidden = !stage.playback));
+    $("#success").addEventListener("click", () => this.end(true));
+    $("#failure").addEventListener("click", () => this.end(false));
+    $("#discard").addEventListener("click", () => this.discard());
+    $("#fresh").checked = localStorage.getItem(FRESH) === "yes";
+    $("#fresh").addEventListener("change", ({ target }) => localStorage.setItem(FRESH, target.checked ? "yes" : "no"));
     setInterval(() => this.#clock(), 100);
     this.refresh();
   }
 
   // Start recording, or stop.
-  toggle() {
-    const label = this.$("#label").value.trim();
-    return this.#recording ? this.#ask("POST", `/${this.#recording}/stop`, { label }) : this.#ask("POST", "", { label });
+  async toggle() {
+    if (this.#recording) return this.end(null);
+    if (await this.#ask("POST", "", { label: this.#task, seed: this.#seed })) this.#seed = 0;
+  }
+
+  // Stop recording; success: true, false, or null for unmarked.
+  async end(success) {
+    if (this.#recording && (await this.#ask("POST", `/${this.#recording}/stop`, { label: this.#task, success }))) this.#afresh();
+  }
+
+  async discard() {
+    if (this.#recording && (await this.#ask("POST", `/${this.#recording}/discard`))) this.#afresh();
   }
 
   show(answer) {
-    if (answer.recording === this.#recording) return;
     const { $ } = this;
+    $("#alarm").hidden = !answer.recording_alarm;
+    if (answer.recording_alarm) text($("#alarm span"), answer.recording_alarm);
+    if (answer.recording === this.#recording) return;
     this.#recording = answer.recording;
     this.#since = performance.now();
     $.host.toggleAttribute("data-recording", Boolean(this.#recording));
-    $("#discard").hidden = !this.#recording;
-    if (!this.#recording) $("#label").value = "";
+    $("#endings").hidden = !this.#recording;
     this.refresh();
   }
 
@@ -47,9 +59,25 @@ export class Episodes {
     const response = await fetch("/api/episodes").catch(() => null);
     if (!response?.ok) return;
     this.#list = (await response.json()).filter((episode) => episode.ended !== "open");
-    const { $ } = this;
+    const { $ } = this, count = (success) => this.#list.filter((episode) => episode.success === success).length;
+    const seconds = this.#list.reduce((sum, episode) => sum + episode.seconds, 0);
     $("#no-episodes").hidden = this.#list.length > 0;
+    text($("#counters"), this.#list.length ? `${this.#list.length} · ${clock(seconds)} · ✓ ${count(true)} · ✗ ${count(false)}` : "");
     $("#episodes").replaceChildren(...this.#list.map((episode) => this.#item(episode)));
+    this.playback.list(this.#list);
+  }
+
+  get #task() {
+    return this.$("#label").value.trim();
+  }
+
+  // Between two episodes: another start, always a new one and always known.
+  async #afresh() {
+    if (!this.$("#fresh").checked) return;
+    const seed = Number(localStorage.getItem(SEED) ?? 1);
+    if (!(await this.reset(seed))) return;
+    localStorage.setItem(SEED, (seed % 1e6) + 1);
+    this.#seed = seed;
   }
 
   #item(episode) {
@@ -57,22 +85,14 @@ export class Episodes {
     item.innerHTML = `<button class="icon" title="Play back">${icon("play")}</button><span><b></b><small></small></span>
       <a class="icon" title="Download" download>${icon("download")}</a><button class="icon" title="Delete">${icon("trash")}</button>`;
     const [play, remove] = item.querySelectorAll("button"), link = item.querySelector("a");
-    item.querySelector("b").textContent = episode.label || when(episode.start);
-    const ended = episode.ended === "truncated" ? " · cut off" : "";
-    item.querySelector("small").textContent = `${episode.label ? `${when(episode.start)} · ` : ""}${clock(episode.seconds)}${ended}`;
+    item.querySelector("b").textContent = name(episode);
+    const notes = [episode.label && when(episode.start), clock(episode.seconds), MARKS[episode.success]];
+    notes.push(episode.ended === "truncated" && "cut off", episode.missing && `${episode.missing} ticks missing`);
+    item.querySelector("small").textContent = notes.filter(Boolean).join(" · ");
     link.href = `/api/episodes/${episode.id}/download`;
-    play.addEventListener("click", () => this.#play(episode));
+    play.addEventListener("click", () => this.playback.show(episode));
     remove.addEventListener("click", () => this.#remove(remove, episode));
     return item;
-  }
-
-  async #play(episode) {
-    try {
-      this.stage.play(await Episode.fetch(episode.id));
-      this.$("#playback-name").textContent = episode.label || when(episode.start);
-    } catch (error) {
-      this.controls.hint(error.message, true);
-    }
   }
 
   #remove(button, episode) {
@@ -82,35 +102,17 @@ export class Episodes {
     setTimeout(() => delete button.dataset.sure, SURE_MS);
   }
 
+  // Resolves to whether it was done; else the page says why not.
   async #ask(method, path, body) {
     const headers = { "Content-Type": "application/json" };
     const options = { method, ...(body ? { headers, body: JSON.stringify(body) } : {}) };
     const response = await fetch(`/api/episodes${path}`, options).catch(() => null);
     if (response?.ok) this.refresh();
     else this.controls.hint(response ? (await response.json()).detail : "no connection to the robot", true);
-  }
-
-  #pause() {
-    const { playback } = this.stage;
-    if (!playback.playing && playback.time >= playback.seconds) playback.seek(0);
-    playback.playing = !playback.playing;
+    return Boolean(response?.ok);
   }
 
   #clock() {
-    const { $, stage } = this;
-    text($("#record span"), this.#recording ? clock((performance.now() - this.#since) / 1000) : "Record");
-    if (!stage.playback) return;
-    const { time, seconds, playing } = stage.playback;
-    $("#playback-time").max = seconds;
-    if (playing) $("#playback-time").value = time;
-    text($("#playback-clock"), `${clock(time)} / ${clock(seconds)}`);
-    const shown = playing ? "pause" : "play";
-    if ($("#playback-toggle").dataset.shows !== shown) {
-      $("#playback-toggle").dataset.shows = shown;
-      $("#playback-toggle").innerHTML = icon(shown);
-    }
+    text(this.$("#record span"), this.#recording ? clock((performance.now() - this.#since) / 1000) : "Record");
   }
 }
-
-const clock = (seconds) => `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
-const when = (unix) => new Date(unix * 1000).toLocaleString([], { month: "short", day: "numeric", hour: "2-digit", minute: "2-digit" });

@@ -18,6 +18,9 @@ const ACTIONS = {
   "pinch-right": "Pinch with the right hand, or open it",
   "grip-right": "Close or open the right hand",
   record: "Record, or stop recording",
+  success: "Stop recording: it went well",
+  failure: "Stop recording: it went wrong",
+  discard: "Stop recording and forget it",
   view: "Next view",
 };
 

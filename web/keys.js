@@ -4,7 +4,7 @@ const DEFAULTS = {
   Space: "engage", Escape: "stop",
   KeyW: "forward", KeyS: "back", KeyA: "left", KeyD: "right", KeyQ: "turn-left", KeyE: "turn-right",
   ArrowUp: "forward", ArrowDown: "back", ArrowLeft: "turn-left", ArrowRight: "turn-right",
-  ShiftLeft: "fast", KeyR: "record", KeyF: "view",
+  ShiftLeft: "fast", KeyR: "record", KeyF: "view", KeyY: "success", KeyN: "failure", Backspace: "discard",
   KeyZ: "grip-left", KeyX: "pinch-left", KeyC: "pinch-right", KeyV: "grip-right",
 };
 const STORED = "teleop keys";
@@ -87,6 +87,6 @@ function writes(event) {
 
 // What is printed on a key.
 export function label(code) {
-  const names = { Space: "Space", Escape: "Esc", ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→", ShiftLeft: "Shift" };
+  const names = { Space: "Space", Escape: "Esc", ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→", ShiftLeft: "Shift", Backspace: "⌫" };
   return names[code] ?? code.replace(/^(Key|Digit)/, "");
 }

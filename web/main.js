@@ -47,12 +47,15 @@ const actions = {
   stop: () => (pilot.letGo(), fetch("/api/stop", { method: "POST" })),
   reset: () => reset(),
   record: () => episodes.toggle(),
+  success: () => episodes.end(true),
+  failure: () => episodes.end(false),
+  discard: () => episodes.discard(),
   view: () => (stage.view = VIEWS[(VIEWS.indexOf(stage.view) + 1) % VIEWS.length]),
 };
 const hands = new Hands($, pilot, stage, description);
 Object.assign(actions, hands.actions);
 const controls = new Controls($, pilot, [keys, pads], actions);
-const episodes = new Episodes($, stage, controls);
+const episodes = new Episodes($, stage, controls, reset);
 new Help($, keys, pads, controls);
 followTheme($, viewer);
 window.teleop = { live, latency }; // for the console and for `teleop-bench latency`
@@ -76,11 +79,13 @@ function tell() {
   link.send();
 }
 
-async function reset() {
+// Put the robot back; a seed other than 0 draws a start near home. Resolves to whether it was done.
+async function reset(seed = 0) {
   pilot.letGo();
   stage.play(null);
-  const answer = await fetch(`/api/reset?client=${link.id}`, { method: "POST" });
+  const answer = await fetch(`/api/reset?client=${link.id}&seed=${seed}`, { method: "POST" });
   if (!answer.ok) controls.hint((await answer.json()).detail, true);
+  return answer.ok;
 }
 
 // ---- what comes back

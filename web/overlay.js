@@ -61,9 +61,15 @@ const MARKUP = `
     <details open><summary>Recording</summary>
       <div class="record">
         <button id="record"><i></i><span>Record</span></button>
-        <button id="discard" class="small" hidden>Discard</button>
       </div>
-      <input id="label" type="text" maxlength="200" placeholder="Label, for example: wave with the left hand" aria-label="Label of the episode">
+      <div class="record" id="endings" hidden>
+        <button id="success" class="small" title="Stop: it went well">✓ Success<kbd data-keys="success"></kbd></button>
+        <button id="failure" class="small" title="Stop: it went wrong">✗ Failure<kbd data-keys="failure"></kbd></button>
+        <button id="discard" class="small" title="Stop and forget it">Discard<kbd data-keys="discard"></kbd></button>
+      </div>
+      <input id="label" type="text" maxlength="200" placeholder="Task, for example: wave with the left hand" aria-label="Task of the episode">
+      <label class="check"><input type="checkbox" id="fresh"> Reset after each episode, to another start</label>
+      <p id="counters" class="faint" title="Episodes, their time, successes, failures"></p>
       <ul id="episodes"></ul>
       <p id="no-episodes" class="faint">Nothing recorded yet.</p>
     </details>
@@ -118,12 +124,15 @@ const MARKUP = `
     <button id="stop"><span>Stop</span><kbd data-keys="stop"></kbd></button>
   </section>
 
+  <section class="alarm card" id="alarm" role="alert" hidden><strong>Recording</strong><span></span></section>
   <section class="playback card" id="playback" hidden>
     <strong>Playback</strong><span id="playback-name"></span>
     <button id="playback-toggle" class="icon" aria-label="Play or pause">${icon("pause")}</button>
-    <input id="playback-time" type="range" min="0" max="1" step="0.01" value="0" aria-label="Time">
+    <span class="timeline"><input id="playback-time" type="range" min="0" max="1" step="0.01" value="0" aria-label="Time"><i id="playback-events"></i></span>
     <output id="playback-clock"></output>
     <button id="playback-close" class="icon" aria-label="Back to the robot">${icon("close")}</button>
+    <table id="figures"></table>
+    <select id="against" aria-label="Compare with"></select><button id="swap" class="small" hidden>Show the other</button>
   </section>
 
   <section class="help card" id="help" hidden></section>
