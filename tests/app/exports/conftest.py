@@ -25,7 +25,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     dtype = row_dtype(plant.model.nu, plant.save().size, 4, 0, 2)
     path = tmp_path_factory.mktemp("session") / "lab.mcap"
     with path.open("wb") as output:
-        writer, tick = EpisodeWriter(output, *describe(plant.spec, plant.model, dtype, "walk")), 100  # pyright: ignore[reportArgumentType]
+        writer, tick = EpisodeWriter(output, *describe(plant.spec, plant.model, dtype, ["walk"])), 100  # pyright: ignore[reportArgumentType]
         for number, (task, success, count) in enumerate(EPISODES, 1):
             writer.begin(EpisodeInfo(f"lab_{number:03d}", number, path, 1e9 + number, label=task))
             rows = np.zeros(count, dtype)

@@ -76,6 +76,24 @@ def test_pictures_are_drawn_from_the_log_and_come_out_the_same_twice(session: Pa
     assert np.std(pictures[0]) > 10  # sky, floor and robot
 
 
+@pytest.mark.usefixtures("needs_a_renderer")
+def test_gr00t_and_robomimic_hold_the_same_pictures(session: Path, tmp_path: Path) -> None:
+    look, choice = Look(cameras=("wrist_left",), size=(32, 24)), Choice(ids=("2",))
+    for format in ("gr00t", "robomimic"):
+        assert run(session, format, tmp_path / format, look, choice, fps=10).pictures == 4
+    film = tmp_path / "gr00t/videos/chunk-000/observation.images.wrist_left/episode_000000.mp4"
+    with av.open(str(film)) as container:
+        seen = np.array([frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)], float)
+    with h5py.File(tmp_path / "robomimic/demonstrations.hdf5") as file:
+        demo = file["data/demo_0"]
+        kept, then = demo["obs/wrist_left_image"][:], demo["next_obs/wrist_left_image"][:]
+    assert kept.dtype == np.uint8
+    np.testing.assert_array_equal(then, np.concatenate([kept[1:], kept[-1:]]))
+    assert np.abs(seen - kept).mean() < 10  # compressed
+    modality = json.loads((tmp_path / "gr00t/meta/modality.json").read_text())
+    assert modality["video"] == {"wrist_left": {"original_key": "observation.images.wrist_left"}}
+
+
 def test_lerobot_v3_has_the_documented_schema(session: Path, tmp_path: Path) -> None:
     run(session, "lerobot", tmp_path / "out")
     info = json.loads((tmp_path / "out/meta/info.json").read_text())
