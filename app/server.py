@@ -14,6 +14,7 @@ from fastapi_offline import FastAPIOffline
 from pydantic import ValidationError
 
 from app import clock
+from app.arbiter import Role
 from app.errors import AppError
 from app.gate import Gate
 from app.inputs.operator import Client, Operators
@@ -235,7 +236,7 @@ def _crew(operators: Operators) -> list[Member]:
     """Everybody who is connected."""
     drivers, crew = operators.drivers, []
     for client in operators.clients:
-        drives = [role for role, driver in drivers.items() if driver is client]
-        asks = [role for role in client.roles if client.asks and drivers[role] not in (client, None)]
+        drives: list[Role] = [role for role, driver in drivers.items() if driver is client]
+        asks: list[Role] = [role for role in client.roles if client.asks and drivers[role] not in (client, None)]
         crew.append(Member(id=client.key, name=client.name, drives=drives, asks=asks))
     return crew

@@ -24,9 +24,8 @@ class Circle:
 
     def message(self, seq: int, seconds: float, applied: Command) -> OperatorMessage:
         """See app.inputs.source.Source."""
-        if self._start is None:
-            self._start = applied.wrists[1].copy()
+        start = self._start = applied.wrists[1].copy() if self._start is None else self._start
         angle = 2 * np.pi * seconds / PERIOD
-        position = self._start[:3] + RADIUS * np.array([0.0, np.sin(angle), 1 - np.cos(angle)])
-        pose = Pose(position=tuple(position.tolist()), quaternion=tuple(self._start[3:].tolist()))
+        position = start[:3] + RADIUS * np.array([0.0, np.sin(angle), 1 - np.cos(angle)])
+        pose = Pose(position=tuple(position.tolist()), quaternion=tuple(start[3:].tolist()))
         return OperatorMessage(seq=seq, roles=["arms"], engage=seq > 0, wrists=Wrists(right=pose))

@@ -73,7 +73,7 @@ class Operators:
         """`applied` tells what the robot does now."""
         self._commands, self._applied = commands, applied
         self._lock = threading.Lock()
-        self._seats = {role: Seat(Merged(role)) for role in ROLES}
+        self._seats: dict[Role, Seat] = {role: Seat(Merged(role)) for role in ROLES}
         self._clients: dict[str, Client] = {}
         self._joined = self._stops = self._resets = self._seed = 0
         self.rejected = 0
@@ -104,7 +104,7 @@ class Operators:
             if message.give:
                 changed |= self._give(client, message.give, stamp)
             changed |= self._leave(client, tuple(role for role in ROLES if role not in client.roles))
-            driven = [role for role in client.roles if self._drives(role, client, message, stamp * 1e-9, held)]
+            driven: list[Role] = [role for role in client.roles if self._drives(role, client, message, stamp * 1e-9, held)]
             if changed:
                 self._write()
             if driven:
@@ -134,7 +134,7 @@ class Operators:
         with self._lock:
             if self._expire(clock.now()):
                 self._write()
-            return {role: self._clients.get(seat.lease.holder or "") for role, seat in self._seats.items()}
+            return {role: self._clients.get(self._seats[role].lease.holder or "") for role in ROLES}
 
     @property
     def clients(self) -> list[Client]:
@@ -190,16 +190,22 @@ class Operators:
 
     def _heard(self, driven: list[Role], message: OperatorMessage) -> dict[Role, Merged]:
         """Everybody's part, with the message in those that its client drives."""
-        applied, parts = self._applied(), {role: seat.merged for role, seat in self._seats.items()}
-        return parts | {role: parts[role].with_message(message, applied) for role in driven}
+        applied, parts = self._applied(), self._parts
+        for role in driven:
+            parts[role] = parts[role].with_message(message, applied)
+        return parts
+
+    @property
+    def _parts(self) -> dict[Role, Merged]:
+        """What everybody asks."""
+        return {role: self._seats[role].merged for role in ROLES}
 
     def _refuse(self, client: Client, why: str) -> None:
         client.error = why
         self.rejected += 1
 
     def _write(self) -> None:
-        seats, record = self._seats.values(), np.zeros((), COMMAND)
-        parts = {role: seat.merged for role, seat in self._seats.items()}
+        seats, parts, record = self._seats.values(), self._parts, np.zeros((), COMMAND)
         record["stamp"], record["driver"] = [seat.stamp for seat in seats], [seat.lease.number for seat in seats]
         record["engage"] = [part.command.engage for part in parts.values()]
         record["presses"] = [part.presses for part in parts.values()]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from app.simulation import Simulation
 from policies.command import Command
 from policies.episode import STAGES
 
-NO_PAGE = dict.fromkeys(PageTiming.model_fields)
+NO_PAGE: dict[str, Any] = dict.fromkeys(PageTiming.model_fields)
 """Stages that only a page can time, and no page that told."""
 STATISTICS_PERIOD = 0.5
 """How often percentiles are taken [s]."""
@@ -106,11 +107,12 @@ def _measure(snapshots: Ring, policy_rate: float) -> Timing:
     stages = snapshots.column("latency").astype(float)
     stamps = snapshots.column("stamp")
     wall = float(stamps[-1] - stamps[0]) * 1e-9
+    medians: dict[str, Any] = dict(zip(STAGES, np.median(stages, axis=0).round(3).tolist(), strict=True))
     return Timing(
         real_time_factor=(len(stamps) - 1) / policy_rate / wall if wall > 0 else 1.0,
         lateness_ms=_percentiles(stages[:, STAGES.index("lateness")]),
         ik_ms=_percentiles(stages[:, STAGES.index("ik")]),
-        latency_ms=Latency(**dict(zip(STAGES, np.median(stages, axis=0).round(3).tolist(), strict=True)), **NO_PAGE),
+        latency_ms=Latency(**medians, **NO_PAGE),
     )
 
 

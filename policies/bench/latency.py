@@ -27,7 +27,7 @@ from policies.episode import COMMAND_LAYOUT
 from policies.recording.reader import Recording
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Page, ViewportSize
 
 WRIST_X = COMMAND_LAYOUT["wrists"][0]
 """Where the left wrist's x stands in a row's `raw`."""
@@ -39,7 +39,7 @@ AIMS = {"joint target": 60.0, "pose in the page": 110.0}
 """p95 [ms]."""
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--enable-unsafe-swiftshader")
-VIEW = {"width": 160, "height": 120}
+VIEW: ViewportSize = {"width": 160, "height": 120}
 """Small: a machine without a graphics processor takes all of its time for drawing."""
 DRAG = """x => {
   const { handle, pose } = window.drags;
