@@ -15,6 +15,8 @@ class Factory:
 
     robot: str
     policy: str
+    others: tuple[str, ...] = ()
+    """Leg weights that can be changed to while the robot walks."""
 
     def __call__(self) -> tuple[Plant, TracedPolicy]:
         """The robot at home and its policy.
@@ -28,4 +30,4 @@ class Factory:
         from policies.whole_body import WholeBody
 
         torch.set_num_threads(1)  # the networks are small, and other threads would not be scheduled like this one
-        return Plant(robot), WholeBody(robot, self.policy)
+        return Plant(robot), WholeBody(robot, self.policy, self.others)

@@ -77,6 +77,8 @@ class Ask:
     """Counters of Stop and of Reset."""
     seed: int = 0
     """Where the newest reset puts the robot (see Plant.reset)."""
+    policy: int = 0
+    """Which leg weights shall walk."""
 
     @property
     def stamp(self) -> float:
@@ -216,4 +218,6 @@ def ask_from(record: np.void | None, serial: int) -> Ask:
     flags = {name: record[name].astype(bool) for name in ("given", "engage")}
     counters = {name: record[name].astype(int) for name in ("driver", "presses")}
     counts = {"stops": int(record["stops"]), "resets": int(record["resets"]), "seed": int(record["seed"])}
-    return Ask(serial, record["vector"], smooth=bool(record["smooth"]), stamps=stamps, **flags, **counters, **counts)
+    counts["policy"] = int(record["policy"])
+    told = {"serial": serial, "vector": record["vector"], "smooth": bool(record["smooth"]), "stamps": stamps}
+    return replace(SILENT, **told, **flags, **counters, **counts)

@@ -45,6 +45,7 @@ class Loop:
         self.laps.restart(lateness)
         ask = self.asked()
         self.reset_if(ask)
+        self.policy.choose(ask.policy)
         ruling = self.guard.step(self.laps.start, ask, self.state)
         target = self.laps.time("act", self.pilot.act, self.state, ruling)
         self.state = self.laps.time("physics", self.physics.step, target)

@@ -34,6 +34,10 @@ class TracedPolicy(Policy, Protocol):
         """The inside of the newest `act`."""
         ...
 
+    def choose(self, index: int) -> None:
+        """Walk with other weights from here on; the first ones are 0."""
+        ...
+
 
 class Pilot:
     """Always returns a finite target for every motor."""

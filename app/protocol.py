@@ -247,6 +247,9 @@ class Health(Wire):
     roles: Parts
     robot: str
     policy: str
+    """Name of the leg weights that walk."""
+    policies: list[str]
+    """Names of those that can; POST /api/policy changes to another."""
     time: float
     """Simulated seconds."""
     real_time_factor: float

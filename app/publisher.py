@@ -55,7 +55,7 @@ class Publisher:
             record["mode"], record["reason"] = self._guard.mode, self._guard.reason
             record["jump"] = self._physics.jump
             record["latency"] = tick.latency
-            record["applied"] = tick.applied.vector()
+            record["applied"], record["policy"] = tick.applied.vector(), tick.ask.policy
         self._fill_row(tick)
         self._exchange.rows.push(self._row)
         self._fill_snapshot(tick)

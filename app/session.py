@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from fastapi import FastAPI
 
-from app import clock, episodes, invite
+from app import clock, episodes, invite, legs
 from app.config import Serve
 from app.errors import UnknownSource, UnusableSource
 from app.factory import Factory
@@ -30,6 +30,7 @@ from app.server import create_app
 from app.simulation import Simulation
 from policies import checkpoint
 from policies.episode import DamagedRecording, Metadata
+from policies.errors import UnknownPolicy
 from policies.motion.clip import Clip
 from policies.recording.provenance import describe
 from robots import catalog
@@ -64,7 +65,10 @@ class Session:
         """
         self._token, sources = token, [_source(wanted) for wanted in config.sources]
         self._robot, self._weights = catalog.load(config.robot), checkpoint.find(config.policy, "walk")
-        self.simulation = Simulation(Factory(config.robot, str(self._weights)))
+        others = tuple(name for name in checkpoint.known("walk", robot=config.robot) if name != self._weights.stem)
+        self.policies = (self._weights.stem, *others)
+        """Names of the leg weights that can walk; the robot begins with the first."""
+        self.simulation = Simulation(Factory(config.robot, str(self._weights), others))
         self.simulation.start()
         try:
             self._model = self._robot.model("play")  # while the other process builds its own
@@ -78,7 +82,7 @@ class Session:
         self.operators = Operators(exchange.commands, self.simulation.applied)
         description = ThreadPoolExecutor(1).submit(self._describe)  # ready before the first episode
         self.episodes = episodes.Episodes(config.recordings, description.result, exchange.rows)
-        names = Names(config.robot, self._weights.stem, self._robot.spec.policy_rate)
+        names = Names(config.robot, self.policies, self._robot.spec.policy_rate)
         self._telemetry = Telemetry(names, self.simulation, self.operators)
         self._feeds = [Feed(source, self.operators, self.simulation.applied) for source in sources]
         self._closing = threading.Event()
@@ -88,6 +92,7 @@ class Session:
         """The site."""
         told = metrics.router(self.health, lambda: self.simulation.pid)
         routers = [*self._page.routers, episodes.router(self.episodes), invite.router(self._token), told]
+        routers.append(legs.router(self.choose, self.operators))
         return create_app(self.health, self.operators, self.reset, self._host, routers, self._names, self._token, self._headsets.join)
 
     def play(self, clip: Clip, speed: float) -> Motion:
@@ -109,6 +114,16 @@ class Session:
         recorder = self.episodes.recorder.status()
         return self._telemetry.health(recorder.open.id if recorder.open else None, recorder.alarm)
 
+    def choose(self, policy: str) -> None:
+        """Walk with other leg weights from the next tick on.
+
+        Raises:
+            UnknownPolicy: these cannot.
+        """
+        if policy not in self.policies:
+            raise UnknownPolicy(policy, self.policies)
+        self.operators.choose(self.policies.index(policy))
+
     def reset(self, seed: int = 0) -> None:
         """Put the robot back home, or near it by a seed; start the simulation again if it is lost (blocks until it stands)."""
         if self.simulation.lost:
@@ -128,7 +143,7 @@ class Session:
     def _describe(self) -> tuple[Metadata, bytes]:
         reasons = [reason.sentence for reason in Reason]
         rows = self.simulation.exchange.rows.dtype
-        return describe(self._robot.spec, self._model, rows, self._weights.stem, self._weights, reasons)
+        return describe(self._robot.spec, self._model, rows, self.policies, self._weights, reasons)
 
     def _watch(self) -> None:
         """Tell the log what becomes of the robot and of the latencies; close the recording of a simulation that died."""

@@ -28,6 +28,7 @@ COMMAND = np.dtype(
         ("stops", "<u4"),  # counts presses of Stop
         ("resets", "<u4"),  # counts presses of Reset
         ("seed", "<u4"),  # of the newest reset: 0 is home, another one draws a start near it
+        ("policy", "u1"),  # which leg weights shall walk: an index into the names that the simulation was started with
     ]
 )
 """What the web process asks."""
@@ -61,6 +62,7 @@ def snapshot_dtype(nq: int) -> np.dtype:
             ("modes", "u1", (2,)),  # a role (app.arbiter.ROLES)
             ("reasons", "u1", (2,)),
             ("upright", "u1"),
+            ("policy", "u1"),  # which leg weights walked, as in COMMAND
             ("jump", "u1"),  # 1: the state was set from outside before this tick
         ]
     )

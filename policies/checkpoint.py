@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 SHIPPED = Path(__file__).parent / "weights"
 
 
-def known(kind: str, folder: Path = SHIPPED) -> list[str]:
-    """Names of the shipped weights of one kind ("walk", "prior")."""
+def known(kind: str, folder: Path = SHIPPED, robot: str | None = None) -> list[str]:
+    """Names of the shipped weights of one kind ("walk", "prior"), of one robot or of all."""
     cards = (json.loads(card.read_text()) for card in sorted(folder.glob("*.json")))
-    return [card["name"] for card in cards if card.get("kind") == kind]
+    return [card["name"] for card in cards if card.get("kind") == kind and robot in (None, card.get("robot"))]
 
 
 def find(name: str, kind: str) -> Path:

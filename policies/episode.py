@@ -71,6 +71,7 @@ def row_dtype(nu: int, nstate: int, nobs: int, nlatent: int, naction: int) -> np
             ("mode", "u1"),  # index into MODES
             ("jump", "u1"),  # 1: the state was set from outside before this tick (reset or restore)
             ("reason", "u1"),  # why the mode is what it is; index into Metadata.reasons
+            ("policy", "u1"),  # which leg weights walked; index into Metadata.policies
         ]
     )
 
@@ -82,7 +83,7 @@ class Metadata:
     robot: str
     """Name in the robot catalog."""
     policy: str
-    """Name of the leg policy."""
+    """Name of the leg policy that the robot began with."""
     dtype: np.dtype
     """Layout of a row, from `row_dtype`."""
     nq: int
@@ -97,6 +98,8 @@ class Metadata:
     """Hash of the weights; empty without weights."""
     model_sha256: str = ""
     """Hash of the compiled model that is attached to the file; empty without one."""
+    policies: tuple[str, ...] = ()
+    """Meaning of the `policy` field by its value."""
     reasons: tuple[str, ...] = ()
     """Meaning of the `reason` field by its value."""
     seeds: Mapping[str, int] = field(default_factory=dict)
@@ -127,7 +130,7 @@ class Metadata:
             raise ValueError(f"its metadata is incomplete ({error})") from error
         if dtype != row_dtype(size["ctrl"], size["state"], size["observation"], size["latent"], size["action"]):
             raise ValueError("its rows have an unknown layout")
-        return Metadata(**own | {"dtype": dtype, "reasons": tuple(own["reasons"])})
+        return Metadata(**own | {"dtype": dtype, "reasons": tuple(own["reasons"]), "policies": tuple(own["policies"])})
 
     def qpos(self, rows: np.ndarray) -> np.ndarray:
         """Joint positions before each row's step [n, nq]."""

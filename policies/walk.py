@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 
@@ -13,14 +16,24 @@ from policies.prior.latent import Latent
 from policies.prior.prior import Prior
 from policies.stance import Stance
 from robots.catalog import Robot
+from robots.spec import RobotSpec
 from robots.state import State
+
+
+@dataclass(frozen=True)
+class _Learnt:
+    """One set of weights."""
+
+    actor: Actor
+    prior: str | None
+    card: dict
 
 
 class Walk:
     """Velocity and posture commands -> leg joint targets, for `count` robots at once; deterministic."""
 
-    def __init__(self, robot: Robot, name: str, count: int = 1) -> None:
-        """Load shipped weights by name, or a .safetensors file.
+    def __init__(self, robot: Robot, name: str, count: int = 1, others: Sequence[str] = ()) -> None:
+        """Load shipped weights by name, or a .safetensors file, and others that `choose` changes to.
 
         Raises:
             UnknownPolicy, WrongWeights, DamagedWeights: see `policies.checkpoint`.
@@ -29,13 +42,11 @@ class Walk:
         self.observer = Observer(robot.spec, count)
         self._stance = Stance(robot)
         self.gait = Gait(count, 1 / robot.spec.policy_rate)
-        expect = {"kind": "walk", "robot": robot.spec.name, "observation": self.observer.size}
-        tensors, self.card = checkpoint.load(checkpoint.find(name, "walk"), expect)
-        self._actor = Actor(Mirror.stack(list(layout(robot.spec).values())), action_mirror(robot.spec))
-        self._actor.load_state_dict(tensors)
-        self._actor.eval()
-        prior = self.card["prior"]
-        self._latent = Latent(robot.spec, Prior.load(prior, robot.spec) if prior else None, count)
+        self._learnt = [_load(robot.spec, each, self.observer.size) for each in (name, *others)]
+        priors = {learnt.prior for learnt in self._learnt}
+        self._latents = {prior: Latent(robot.spec, Prior.load(prior, robot.spec) if prior else None, count) for prior in priors}
+        self.chosen = 0
+        """Which of the weights is walking: 0 is `name`, then `others`."""
         self.latent = np.zeros((count, LATENT), np.float32)
         """The motion prior's z at the last tick [count, 64]; zeros without a prior."""
         self.observation = np.zeros((count, self.observer.size), np.float32)
@@ -46,10 +57,21 @@ class Walk:
     def reset(self, upper: np.ndarray, mask: np.ndarray | None = None) -> None:
         """Forget the past; the robots of the mask [count], or all, stand with waist and arms at upper [count, 15], rad."""
         mask = np.ones(self._count, bool) if mask is None else mask
-        self._latent.reset(mask, upper)
+        for latent in self._latents.values():
+            latent.reset(mask, upper)
         self.gait.reset(mask)
         self.observer.reset(mask)
         self.action = np.where(mask[:, None], np.float32(0), self.action)
+
+    @property
+    def card(self) -> dict:
+        """What the weights are that walk now."""
+        return self._learnt[self.chosen].card
+
+    def choose(self, index: int) -> None:
+        """Let other weights walk from here on. All see the same past, so the change needs no pause."""
+        if 0 <= index < len(self._learnt):
+            self.chosen = index
 
     @torch.inference_mode()
     def act(self, state: State, twist: np.ndarray, posture: np.ndarray, upper: np.ndarray) -> np.ndarray:
@@ -60,9 +82,17 @@ class Walk:
             posture: height [m], roll, pitch [rad] [count, 3].
             upper: where waist and arms are told to go in this tick [count, 15], rad; the prior makes z of the last second of them.
         """
-        self.latent = self._latent.step(upper)
+        learnt = self._learnt[self.chosen]
+        self.latent = {prior: latent.step(upper) for prior, latent in self._latents.items()}[learnt.prior]
         self.gait.step(state, twist)
         stance = self._stance(posture)
         self.observation = self.observer.observe(state, self.gait, twist, posture, stance, self.action, self.latent)
-        self.action = self._actor(torch.from_numpy(self.observation)).numpy()
+        self.action = learnt.actor(torch.from_numpy(self.observation)).numpy()
         return leg_targets(self._spec, stance, self.action)
+
+
+def _load(spec: RobotSpec, name: str, observation: int) -> _Learnt:
+    tensors, card = checkpoint.load(checkpoint.find(name, "walk"), {"kind": "walk", "robot": spec.name, "observation": observation})
+    actor = Actor(Mirror.stack(list(layout(spec).values())), action_mirror(spec))
+    actor.load_state_dict(tensors)
+    return _Learnt(actor.eval(), card["prior"], card)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from time import perf_counter
 
@@ -39,8 +40,8 @@ class Trace:
 class WholeBody:
     """Composes reach, hands and walk by joint group."""
 
-    def __init__(self, robot: Robot, walk: str) -> None:
-        """walk: shipped leg weights by name, or a .safetensors file.
+    def __init__(self, robot: Robot, walk: str, others: Sequence[str] = ()) -> None:
+        """walk: shipped leg weights by name, or a .safetensors file; others: those that `choose` changes to.
 
         Raises:
             UnknownPolicy, WrongWeights, DamagedWeights: see `policies.checkpoint`.
@@ -48,7 +49,7 @@ class WholeBody:
         self._spec = spec = robot.spec
         self._reach = Reach(robot, dt=1 / spec.policy_rate)
         self._interpolator = Interpolator(self._reach.forward(spec.home[spec.group("waist", "arms")]), 1 / spec.policy_rate)
-        self._walk = Walk(robot, walk)
+        self._walk = Walk(robot, walk, others=others)
         self._upper, self._hands, self._neck = spec.group("waist", "arms"), spec.group("hands"), spec.group("neck")
         self._open, self._closed = drive_range(spec)
         self.trace = Trace(
@@ -60,6 +61,10 @@ class WholeBody:
     def card(self) -> dict:
         """What the leg weights are."""
         return self._walk.card
+
+    def choose(self, index: int) -> None:
+        """Walk with other weights from here on: 0 is `walk`, then `others`."""
+        self._walk.choose(index)
 
     def reset(self, state: State) -> None:
         """Forget the past; the arms start from where they are."""

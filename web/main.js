@@ -7,6 +7,7 @@ import { Hands } from "./hands.js";
 import { Help } from "./help.js";
 import { Keys } from "./keys.js";
 import { Latency } from "./latency.js";
+import { Legs } from "./legs.js";
 import { Link } from "./link.js";
 import { mount } from "./overlay.js";
 import { Pads } from "./pads.js";
@@ -56,6 +57,7 @@ const hands = new Hands($, pilot, stage, description);
 Object.assign(actions, hands.actions);
 const controls = new Controls($, pilot, [keys, pads], actions);
 const episodes = new Episodes($, stage, controls, reset);
+const legs = new Legs($, post);
 new Help($, keys, pads, controls);
 followTheme($, viewer);
 window.teleop = { live, latency }; // for the console and for `teleop-bench latency`
@@ -79,6 +81,14 @@ function tell() {
   link.send();
 }
 
+// Ask for something as this client. Resolves to whether it was done.
+async function post(path, body) {
+  const options = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
+  const answer = await fetch(`${path}?client=${link.id}`, options);
+  if (!answer.ok) controls.hint((await answer.json()).detail, true);
+  return answer.ok;
+}
+
 // Put the robot back; a seed other than 0 draws a start near home. Resolves to whether it was done.
 async function reset(seed = 0) {
   pilot.letGo();
@@ -98,6 +108,7 @@ link.addEventListener("answer", ({ detail: answer }) => {
   controls.follow(answer);
   wrists.show(answer);
   hands.show(answer);
+  legs.show(answer);
   episodes.show(answer);
   if (answer.error) controls.hint(answer.error, true);
 });

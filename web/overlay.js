@@ -91,6 +91,7 @@ const MARKUP = `
       <p><a href="/xr">With a headset</a></p>
     </details>
     <details><summary>Driving</summary>
+      <label class="choice" id="legs" hidden><span>Legs</span><select></select></label>
       ${slider("pace", "Walk", 0.1, 1, 0.05, 0.5, "m/s")}
       ${slider("side", "Sidestep", 0.05, 0.4, 0.05, 0.25, "m/s")}
       ${slider("turn", "Turn", 0.1, 1, 0.05, 0.6, "rad/s")}

@@ -75,7 +75,7 @@ class Operators:
         self._lock = threading.Lock()
         self._seats: dict[Role, Seat] = {role: Seat(Merged(role)) for role in ROLES}
         self._clients: dict[str, Client] = {}
-        self._joined = self._stops = self._resets = self._seed = 0
+        self._joined = self._stops = self._resets = self._seed = self._policy = 0
         self.rejected = 0
         """Messages that were refused, or a part of them."""
 
@@ -126,6 +126,12 @@ class Operators:
         with self._lock:
             self._resets += 1
             self._seed = seed
+            self._write()
+
+    def choose(self, policy: int) -> None:
+        """Walk with other leg weights: an index into the names that the simulation was started with."""
+        with self._lock:
+            self._policy = policy
             self._write()
 
     @property
@@ -212,6 +218,7 @@ class Operators:
         record["vector"], record["given"] = _command(parts).vector(), parts["arms"].given
         record["smooth"] = parts["arms"].smooth
         record["stops"], record["resets"], record["seed"] = self._stops, self._resets, self._seed
+        record["policy"] = self._policy
         self._commands.push(record)
 
 

@@ -28,7 +28,8 @@ class Names:
     """What runs."""
 
     robot: str
-    policy: str
+    policies: tuple[str, ...]
+    """Leg weights that can walk; the robot begins with the first."""
     policy_rate: float
     """Ticks a second [Hz]."""
 
@@ -61,7 +62,8 @@ class Telemetry:
             reason=reason.sentence,
             roles=_parts(snapshot, drivers, lost),
             robot=self._names.robot,
-            policy=self._names.policy,
+            policy=self._names.policies[snapshot["policy"]],
+            policies=list(self._names.policies),
             time=float(snapshot["time"]),
             real_time_factor=0.0 if lost else timing.real_time_factor,
             ticks=int(snapshot["tick"]) + 1,

@@ -25,7 +25,7 @@ def describe(
     spec: RobotSpec,
     model: mujoco.MjModel,
     dtype: np.dtype,
-    policy: str,
+    policies: Sequence[str],
     weights: Path | None = None,
     reasons: Sequence[str] = (),
     seeds: Mapping[str, int] | None = None,
@@ -38,15 +38,16 @@ def describe(
         spec: the robot.
         model: the stepped model.
         dtype: layout of a row.
-        policy: name of the leg policy.
-        weights: its file.
+        policies: names of the leg policies that can walk; the robot begins with the first.
+        weights: file of the first.
         reasons: meaning of the `reason` field by its value.
         seeds: what was drawn at random.
     """
     compiled = model_bytes(model)
     metadata = Metadata(
         robot=spec.name,
-        policy=policy,
+        policy=policies[0],
+        policies=tuple(policies),
         dtype=dtype,
         nq=model.nq,
         nv=model.nv,

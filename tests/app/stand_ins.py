@@ -47,6 +47,9 @@ class AtHome:
     def reset(self, state: State) -> None:
         self.resets += 1
 
+    def choose(self, index: int) -> None:
+        self.chosen = index
+
     def act(self, state: State, command: Command) -> Target:
         self.commands.append(command)
         return Target(self.home)

@@ -240,7 +240,7 @@ def test_the_replay_command_says_what_is_wrong(site: Site, tmp_path: Path, capsy
 def test_a_summary_tells_figures_and_events(site: Site, tmp_path: Path):
     plant = Plant(catalog.load("h1"))
     metadata, packed = describe(
-        plant.spec, plant.model, row_dtype(plant.model.nu, plant.save().size, 1, 0, 1), "none", None, ("stopped", "driving")
+        plant.spec, plant.model, row_dtype(plant.model.nu, plant.save().size, 1, 0, 1), ["none"], None, ("stopped", "driving")
     )
     rows = np.zeros(100, metadata.dtype)
     rows["tick"], rows["state"], rows["applied"] = range(100), plant.save(), Command().vector()

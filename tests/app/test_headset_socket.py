@@ -45,7 +45,7 @@ class Site:
             self.written.append((float(record["vector"][NECK_PITCH]), time.monotonic()))
 
         commands.push = noted
-        telemetry = Telemetry(Names("h1", "none", 50.0), simulation, operators)
+        telemetry = Telemetry(Names("h1", ("none",), 50.0), simulation, operators)
         headsets = Headsets(robot.spec, robot.model("play"), simulation.applied)
         app = create_app(telemetry.health, operators, operators.reset, "127.0.0.1", headset=headsets.join)
         self._server = uvicorn.Server(uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=1))

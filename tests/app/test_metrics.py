@@ -18,7 +18,7 @@ from app.simulation import Simulation
 @pytest.fixture
 def read(simulation: Simulation):
     """Reads it: (metric, label value) -> number."""
-    telemetry = Telemetry(Names("h1", "none", 50.0), simulation, Operators(simulation.exchange.commands, simulation.applied))
+    telemetry = Telemetry(Names("h1", ("none",), 50.0), simulation, Operators(simulation.exchange.commands, simulation.applied))
     app = FastAPI()
     app.include_router(metrics.router(telemetry.health, lambda: simulation.pid))
     (endpoint,) = [route.endpoint for route in app.routes[-1].effective_candidates()]

@@ -33,7 +33,7 @@ class Site:
     def __init__(self, simulation: Simulation) -> None:
         self.simulation, self.broken = simulation, False
         self.operators = Operators(simulation.exchange.commands, simulation.applied)
-        telemetry = Telemetry(Names("h1", "none", 50.0), simulation, self.operators)
+        telemetry = Telemetry(Names("h1", ("none",), 50.0), simulation, self.operators)
         app = create_app(telemetry.health, self.operators, self.reset, "127.0.0.1")
         self._server = uvicorn.Server(uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=1))
         self._door = socket.create_server(("127.0.0.1", 0))

@@ -147,3 +147,21 @@ def test_two_processes_learn_one_policy(tiny, tmp_path):
     rows = list(csv.DictReader((tmp_path / "curves.csv").read_text().splitlines()))
     assert [int(r["steps"]) for r in rows] == [128, 256], "both processes' steps count"
     assert Walk(catalog.load("h1"), str(tmp_path / "walk.safetensors")).card["steps"] == 256
+
+
+def test_legs_change_between_ticks_and_see_the_same_past(with_prior, tiny):
+    robot = catalog.load("h1")
+    one, other = train(tiny), train(with_prior)
+    both, alone = Walk(robot, str(one), others=[str(other)]), Walk(robot, str(other))
+    state, twist, posture = Fleet(robot, 1).state(), np.zeros((1, 3)), np.array([[0.99, 0, 0]])
+    home = robot.spec.home[robot.spec.group("waist", "arms")][None]
+    for i in range(60):
+        both.act(state, twist, posture, home + 0.01 * i)
+        alone.act(state, twist, posture, home + 0.01 * i)
+    both.action = alone.action
+    both.choose(1)
+    np.testing.assert_allclose(both.act(state, twist, posture, home), alone.act(state, twist, posture, home))
+    assert (both.latent == alone.latent).all(), "the other's prior has followed the arms all along"
+    assert both.card["prior"] == with_prior.prior
+    both.choose(7)
+    assert both.chosen == 1, "what is not there is not chosen"

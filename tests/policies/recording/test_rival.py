@@ -49,7 +49,7 @@ def plant() -> Plant:
 
 @pytest.fixture(scope="module")
 def described(plant: Plant) -> tuple[Metadata, bytes]:
-    return describe(plant.spec, plant.model, row_dtype(plant.model.nu, plant.save().size, 4, 0, 2), "swing", reasons=("started", "fallen"))
+    return describe(plant.spec, plant.model, row_dtype(plant.model.nu, plant.save().size, 4, 0, 2), ["swing"], reasons=("started", "fallen"))
 
 
 @pytest.fixture(scope="module")
