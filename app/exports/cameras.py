@@ -34,6 +34,12 @@ _CHASE_BACK, _CHASE_UP, _CHASE_TURN, _CHASE_FOV = 2.6, 0.7, np.deg2rad(25), np.d
 """Behind the pelvis and above it [m], off to its right so that the arms show, rad."""
 
 
+def lacking(model: mujoco.MjModel, chosen: tuple[str, ...]) -> list[str]:
+    """Those of the chosen cameras that this robot does not have."""
+    own = {model.camera(camera).name for camera in range(model.ncam)}
+    return [name for name in chosen if name in _OF_MODEL and _OF_MODEL[name] not in own]
+
+
 def view(name: str, model: mujoco.MjModel, data: mujoco.MjData, wrists: tuple[str, str]) -> View:
     """One of NAMES, once the kinematics of `data` are done; `wrists` are the names of the wrist sites."""
     if name in _OF_MODEL:

@@ -116,6 +116,8 @@ class Demonstrations:
         if not fits:
             raise ExportError(f"{info.file} holds another robot than {self.infos[0].file}; export them one by one")
         rows = recording.episode(info).rows[:: self._every]
+        if not len(rows):
+            raise ExportError(f"no row of episode {info.id} can be read; choose the others with --episode")
         return Demonstration(index, info, metadata, _signals(rows, metadata, names, info.success))
 
 

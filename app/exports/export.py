@@ -87,6 +87,8 @@ def export(format: type[Format], all: Demonstrations, output: Path, look: Look, 
     """
     if output.exists():
         raise ExportError(f"{output} exists already; delete it or choose another --output")
+    if lacking := cameras.lacking(all.model, look.cameras):
+        raise ExportError(f"the recorded {all.anatomy.robot} has no camera {', '.join(lacking)}; choose others with --cameras")
     aside = output.with_name(f".{output.name}.part")
     shutil.rmtree(aside, ignore_errors=True)  # of an export that was killed
     aside.mkdir(parents=True)

@@ -8,6 +8,7 @@ import importlib.util
 import json
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -265,3 +266,11 @@ def test_no_renderer_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "osmesa")
     with pytest.raises(ExportError, match=r"tried MUJOCO_GL=osmesa.*apt-get install libosmesa6.*--cameras none"):
         painter.backend.__wrapped__()
+
+
+def test_a_camera_that_the_robot_lacks_is_named(session: Path, tmp_path: Path) -> None:
+    all = Demonstrations([session], Choice(ids=("2",)))
+    eyeless = mujoco.MjModel.from_xml_string("<mujoco><worldbody><body name='pelvis'/></worldbody></mujoco>")
+    all.model = eyeless
+    with pytest.raises(ExportError, match=r"the recorded h1 has no camera head; choose others with --cameras"):
+        exports.export(exports.load("lerobot"), all, tmp_path / "out", Look(("head", "chase"), (32, 24)), lambda rows: None)
