@@ -70,9 +70,10 @@ export class Board {
     pen.textBaseline = "middle";
     pen.font = "600 26px system-ui, sans-serif";
     pen.fillText(state, 18, 40);
+    const rest = 34 + pen.measureText(state).width;
     pen.fillStyle = "#c3cbd8";
     pen.font = "20px system-ui, sans-serif";
-    pen.fillText(line, 150, 41, canvas.width - 168);
+    pen.fillText(line, rest, 41, canvas.width - rest - 18);
     this.buttons.forEach((_, i) => {
       const { x, y, width, height } = this.#cell(i);
       const [label, colour] = labels[i];

@@ -3,7 +3,7 @@
 import { fromPose, multiply } from "./matrix.js";
 
 const SUN = [0.35, 0.25, 1]; // direction to the light; shadows fall along it
-const SKY = [0.79, 0.83, 0.89];
+const SKY = [0.79, 0.83, 0.89], SHADOW = [0.74, 0.765, 0.81];
 
 const BODY_VERTEX = `#version 300 es
 uniform mat4 clip, model;
@@ -17,9 +17,11 @@ void main() {
 const BODY_FRAGMENT = `#version 300 es
 precision mediump float;
 uniform vec3 rgb, sun;
+uniform bool shadow;
 in vec3 n;
 out vec4 colour;
 void main() {
+  if (shadow) { colour = vec4(rgb, 1.0); return; }
   vec3 u = normalize(n);
   float light = 0.42 + 0.16 * u.z + 0.5 * max(dot(u, sun), 0.0);
   colour = vec4(rgb * light + 0.05 * pow(max(dot(u, sun), 0.0), 12.0), 1.0);
@@ -110,12 +112,13 @@ export class Painter {
     const flat = [1, 0, 0, 0, 0, 1, 0, 0, -SUN[0] / SUN[2], -SUN[1] / SUN[2], 0, 0, 0, 0, 0.002, 1];
     for (const [shadow, view] of [[true, multiply(clip, flat)], [false, clip]]) {
       gl.uniformMatrix4fv(body.at.clip, false, view);
+      gl.uniform1i(body.at.shadow, shadow);
       shadow ? gl.disable(gl.CULL_FACE) : gl.enable(gl.CULL_FACE);
       for (const mesh of this.#meshes) {
         if (hidden?.has(mesh.body)) continue;
         const { position, quaternion } = poses[mesh.body];
         gl.uniformMatrix4fv(body.at.model, false, fromPose(position, quaternion));
-        gl.uniform3fv(body.at.rgb, shadow ? [0.85, 0.86, 0.88] : mesh.rgb.map((value) => value / 255 + 0.03));
+        gl.uniform3fv(body.at.rgb, shadow ? SHADOW : mesh.rgb.map((value) => value / 255 + 0.03));
         gl.bindVertexArray(mesh.array);
         gl.drawElements(gl.TRIANGLES, mesh.count, gl.UNSIGNED_INT, 0);
       }

@@ -89,7 +89,7 @@ def headset(chromium: Browser, robot: Robot) -> Iterator[Page]:
     context = chromium.new_context(viewport=VIEW)
     context.add_init_script(emulator.script() + DEVICE)
     page = context.new_page()
-    page.on("pageerror", errors.append)
+    page.on("pageerror", lambda error: errors.append(error))
     page.goto(robot.url + "/xr")
     page.wait_for_function("document.querySelector('#enter:not([hidden])') && document.body.dataset.state !== 'LOST'", timeout=START * 1e3)
     page.locator("#enter").evaluate("button => button.click()")
@@ -138,8 +138,7 @@ def test_hands_and_head_drive_wrists_fingers_and_neck(headset: Page, robot: Robo
     eventually(lambda: eye.neck()[0] < -0.3 and abs(eye.neck()[1]) < 0.1)
 
     assert eye.gap("L") > 0.04
-    headset.evaluate("device.hands.left.poseId = device.hands.right.poseId = 'pinch'; device.hands.left.updatePinchValue(1);"
-                     "device.hands.right.updatePinchValue(1)")  # fmt: skip
+    headset.evaluate("device.hands.left.updatePinchValue(1); device.hands.right.updatePinchValue(1)")
     eventually(lambda: max(eye.gap("L"), eye.gap("R")) < 0.01)
     headset.evaluate("device.hands.left.updatePinchValue(0)")
     eventually(lambda: eye.gap("L") > 0.04)
