@@ -158,10 +158,11 @@ def test_legs_change_between_ticks_and_see_the_same_past(with_prior, tiny):
     for i in range(60):
         both.act(state, twist, posture, home + 0.01 * i)
         alone.act(state, twist, posture, home + 0.01 * i)
-    both.action = alone.action
     both.choose(1)
-    np.testing.assert_allclose(both.act(state, twist, posture, home), alone.act(state, twist, posture, home))
+    for walk in (both, alone):
+        walk.act(state, twist, posture, home)
     assert (both.latent == alone.latent).all(), "the other's prior has followed the arms all along"
+    np.testing.assert_allclose(both.action, alone.action, atol=2e-3)  # only the past actions differ
     assert both.card["prior"] == with_prior.prior
     both.choose(7)
     assert both.chosen == 1, "what is not there is not chosen"

@@ -49,7 +49,8 @@ def plant() -> Plant:
 
 @pytest.fixture(scope="module")
 def described(plant: Plant) -> tuple[Metadata, bytes]:
-    return describe(plant.spec, plant.model, row_dtype(plant.model.nu, plant.save().size, 4, 0, 2), ["swing"], reasons=("started", "fallen"))
+    dtype = row_dtype(plant.model.nu, plant.save().size, 4, 0, 2)
+    return describe(plant.spec, plant.model, dtype, ["swing"], reasons=("started", "fallen"))
 
 
 @pytest.fixture(scope="module")
