@@ -86,7 +86,7 @@ def rival(file: Path, policy: str, episode: int | None = None) -> int:
 
             torch.set_num_threads(1)
             for info in chosen:
-                _tell(recording, policy, compare(recording, info, WholeBody(robot, weights), robot.spec))
+                _tell(recording, Path(policy).stem, compare(recording, info, WholeBody(robot, weights), robot.spec))
             return 0
     except (DamagedRecording, CannotReplay, OSError, ValueError) as error:
         return _complain(str(error))
