@@ -8,6 +8,7 @@ const WAYS = [
 
 export class Sticks {
   #held = new Set();
+  #early = new Set(); // pushed before Engage was pressed: they have to come back first
 
   constructor(pilot) {
     this.pilot = pilot;
@@ -26,10 +27,14 @@ export class Sticks {
 
   #push(direction, way) {
     const { pilot } = this, by = `stick ${direction}`, amount = Math.min(1, (way - DEAD) / (1 - DEAD));
-    if (!pilot.engaged) this.#held.delete(by);
-    else if (amount <= 0) this.#held.delete(by) && pilot.drop(by);
-    else if (this.#held.has(by)) pilot.adjust(by, amount);
-    else {
+    if (amount <= 0) {
+      this.#early.delete(by);
+      if (this.#held.delete(by)) pilot.drop(by);
+    } else if (!pilot.engaged) {
+      this.#held.delete(by);
+      this.#early.add(by);
+    } else if (this.#held.has(by)) pilot.adjust(by, amount);
+    else if (!this.#early.has(by)) {
       this.#held.add(by);
       pilot.hold(by, direction, amount);
     }

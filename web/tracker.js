@@ -72,12 +72,12 @@ export class Tracker {
     this.sticks[side] = gamepad?.axes.length >= 4 ? [gamepad.axes[2], gamepad.axes[3]] : null;
     this.buttons.engage ||= Boolean(gamepad?.buttons[4]?.pressed);
     this.buttons.stop ||= Boolean(gamepad?.buttons[5]?.pressed);
-    const pose = frame.getPose(gripSpace, space);
-    if (!pose || pose.emulatedPosition) return 0; // out of the headset's sight
+    packet.set("grips", [gamepad?.buttons[0]?.value ?? 0], side);
+    const pose = frame.getPose(gripSpace, space), grip = packet.seen[`${NAMES[side]}_GRIP`];
+    if (!pose || pose.emulatedPosition) return grip; // out of the headset's sight: its place is a guess
     packet.set("wrists", row(pose.transform), 7 * side);
     this.wrists[side] = three(pose.transform.position);
-    packet.set("grips", [gamepad?.buttons[0]?.value ?? 0], side);
-    return packet.seen[`${NAMES[side]}_WRIST`] | packet.seen[`${NAMES[side]}_GRIP`];
+    return grip | packet.seen[`${NAMES[side]}_WRIST`];
   }
 }
 
