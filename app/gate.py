@@ -11,10 +11,10 @@ import html
 import logging
 import secrets
 from collections.abc import Sequence
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from starlette.datastructures import Headers
+from starlette.requests import cookie_parser
 from starlette.responses import HTMLResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
@@ -73,8 +73,11 @@ class Gate:
 
     def knows(self, headers: Headers) -> bool:
         """Whether the cookie or the Authorization header holds the token."""
+        if self._token is None:
+            return True
         kind, _, bearer = headers.get("authorization", "").partition(" ")
-        return self._token is None or self._is_token(bearer if kind.lower() == "bearer" else _cookie(headers))
+        cookie = cookie_parser(headers.get("cookie", "")).get(COOKIE, "")
+        return self._is_token(bearer if kind.lower() == "bearer" else cookie)
 
     def _welcome(self, scope: Scope) -> Response | None:
         """The answer to the address with the token in it; None to any other."""
@@ -95,11 +98,3 @@ def _name(host: str) -> str | None:
         return urlsplit(f"//{host}").hostname
     except ValueError:
         return None
-
-
-def _cookie(headers: Headers) -> str:
-    try:
-        found = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
-    except CookieError:
-        return ""
-    return "" if found is None else found.value

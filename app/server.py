@@ -141,6 +141,7 @@ async def _first_to_end(*coroutines: Awaitable[None]) -> None:
     finally:
         for task in tasks:
             task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
     with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):
         for task in done:
             task.result()

@@ -63,7 +63,7 @@ class Robot(Collector):
             ("teleop_ik_seconds", "Inverse kinematics of a tick, over 10 s.", now.ik_ms),
         ):
             yield _labelled(name, help, "quantile", {"0.5": of.p50 / 1e3, "0.99": of.p99 / 1e3})
-        stages = {stage: milliseconds / 1e3 for stage, milliseconds in now.latency_ms}
+        stages = {stage: milliseconds / 1e3 for stage, milliseconds in now.latency_ms if milliseconds is not None}
         yield _labelled("teleop_stage_seconds", "Medians of the stages between operator and picture, over 10 s.", "stage", stages)
 
 

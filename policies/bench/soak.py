@@ -43,6 +43,8 @@ class SoakBench:
     """Pages that watch (they take in the whole scene and draw nothing)."""
     flooders: int = 2
     """Clients that send rubbish, more than they may, and come back when they are closed."""
+    record: bool = True
+    """Record an episode meanwhile. The index of a recording stays in memory until its file is closed."""
     policy: str = "walk_h1"
     """Shipped weights by name, or a .safetensors file."""
     json: Path | None = None
@@ -85,9 +87,9 @@ def run(config: SoakBench) -> dict:
     """Soak, then print and return the figures."""
     with server(config.policy) as (address, pid):
         processes = {"web": Process(pid), "simulation": Process(_simulation(pid))}
-        id = _ask(address, "POST", "/api/episodes", {"label": "soak"})["id"]
+        id = _ask(address, "POST", "/api/episodes", {"label": "soak"})["id"] if config.record else None
         log, sent = asyncio.run(_soak(config, address, processes))
-        episode = _ask(address, "POST", f"/api/episodes/{id}/stop", {})
+        episode = _ask(address, "POST", f"/api/episodes/{id}/stop", {}) if id else {"rows": 0, "missing": 0}
     driven = drive.summarise(log, _driving(config, address))
     kept = ("falls_and_faults", "holds", "real_time_factor", "missed_share", "lateness_p99_ms", "kilobytes_a_second_a_watcher", "scheduler")
     figures = {name: driven[name] for name in kept}

@@ -154,7 +154,7 @@ def test_without_the_token_every_route_is_401(locked: Site, measured) -> None:
         for headers in wrong:
             assert locked.status(method, path, **headers) == 401, (method, path, headers)
         assert locked.status(method, f"{path}?token={TOKEN}") == (200 if (method, path) == ("GET", "/") else 401), (method, path)
-    for headers in ({"Cookie": f"a=b; {COOKIE}={TOKEN}"}, {"Authorization": f"Bearer {TOKEN}"}):
+    for headers in ({"Cookie": f'a=b; odd[0]="x; {COOKIE}={TOKEN}'}, {"Authorization": f"Bearer {TOKEN}"}):
         assert locked.status("GET", "/api/health", **headers) == 200
         assert locked.status("WS", "/api/operator", **headers) == 101
         assert locked.status("WS", "/api/operator", Origin=f"http://{EVIL}", **headers) == 403
