@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -38,6 +39,9 @@ class PPOConfig:
     """KL divergence an update aims at; the learning rate follows."""
     max_grad: float = 1.0
     """Gradient norm."""
+    deviation: float = 1.0
+    """Largest standard deviation of the exploration. Towards the end of a training a small one (0.2) brings what is learnt closer to
+    what is shipped: the mean action, without noise."""
     compile: bool = False
     """Fuse the losses with torch.compile: updates take half the time, the first one a minute longer; needs a C++ compiler."""
 
@@ -176,7 +180,7 @@ class PPO:
         torch.nn.utils.clip_grad_norm_(parameters, self.config.max_grad)
         self.optimiser.step()
         with torch.no_grad():
-            self.actor.log_deviation.clamp_(-2.5, 0.0)
+            self.actor.log_deviation.clamp_(-2.5, math.log(self.config.deviation))
 
     def _adapt(self, observations: Tensor, old_mean: Tensor, old_deviation: Tensor) -> float:
         """Move the learning rate so that a whole update changes the policy by about the wanted KL divergence."""
