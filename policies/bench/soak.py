@@ -58,16 +58,20 @@ class Process:
     pid: int
     seconds: list[float] = field(default_factory=list)
     megabytes: list[float] = field(default_factory=list)
-    """Its proportional share of memory (PSS)."""
+    """What it took for itself: anonymous memory, which other programs with the same libraries do not change."""
+    shares: list[float] = field(default_factory=list)
+    """Its share of all memory that it uses (PSS) [MB]."""
     handles: list[int] = field(default_factory=list)
     """Open file handles."""
 
     def look(self, now: float) -> None:
         """One more sample."""
         folder = Path(f"/proc/{self.pid}")
-        pss = next(line for line in (folder / "smaps_rollup").read_text().splitlines() if line.startswith("Pss:"))
+        fields = (line.split() for line in (folder / "smaps_rollup").read_text().splitlines()[1:])
+        kilobytes = {words[0]: int(words[1]) for words in fields}
         self.seconds.append(now)
-        self.megabytes.append(int(pss.split()[1]) / 1024)
+        self.megabytes.append(kilobytes["Pss_Anon:"] / 1024)
+        self.shares.append(kilobytes["Pss:"] / 1024)
         self.handles.append(sum(1 for _ in (folder / "fd").iterdir()))
 
     def summary(self) -> dict[str, float]:
@@ -76,8 +80,9 @@ class Process:
         seconds, megabytes, handles = (np.array(values)[settled] for values in (self.seconds, self.megabytes, self.handles))
         slope = float(np.polyfit(seconds, megabytes, 1)[0]) if len(seconds) > 2 else float("nan")
         return {
-            "megabytes": float(megabytes[-1]),
-            "megabytes_per_10_minutes": 600 * slope,
+            "pss_megabytes": self.shares[-1],
+            "own_megabytes": float(megabytes[-1]),
+            "own_megabytes_per_10_minutes": 600 * slope,
             "handles": int(handles[-1]),
             "handles_grown": float(np.median(handles[-5:]) - np.median(handles[:5])),
         }

@@ -52,3 +52,21 @@ def test_repeated_headers_do_not() -> None:
     assert not GATE.allows(Headers(raw=[(b"host", b"127.0.0.1"), (b"host", b"evil.example")]))
     assert not GATE.allows(Headers(raw=[(b"host", b"a"), (b"origin", b"http://a"), (b"origin", b"http://b")]))
     assert not GATE.allows(Headers(raw=[]))
+
+
+def test_the_address_that_was_reached_and_names_that_were_told_get_in() -> None:
+    told = Gate(nothing, host="0.0.0.0", names=["Lab-PC.local"])
+    assert told.allows(Headers({"host": "198.51.100.4:8080", "origin": "https://198.51.100.4:8080"}), "198.51.100.4")
+    assert told.allows(Headers({"host": "lab-pc.local:8080"}), "198.51.100.4")
+    assert not told.allows(Headers({"host": "198.51.100.5:8080"}), "198.51.100.4")
+    assert not told.allows(Headers({"host": ""}), "")
+
+
+@pytest.mark.parametrize("text", ["Bearer secret", "bearer secret"])
+def test_the_token_as_a_header_or_a_cookie(text: str) -> None:
+    locked = Gate(nothing, host="192.0.2.7", token="secret")
+    assert locked.knows(Headers({"authorization": text}))
+    assert locked.knows(Headers({"cookie": 'a[1]="; teleop_token=secret; b=c'}))
+    assert not locked.knows(Headers({"authorization": "Basic secret"}))
+    assert not locked.knows(Headers({"cookie": "teleop_token="}))
+    assert not locked.knows(Headers({"authorization": "Bearer", "cookie": "teleop_token=secret"}))
