@@ -11,7 +11,7 @@ from typing import Annotated
 
 import tyro
 
-from policies.bench import arms, drive, falls, hands, latency, paper, prior, push, robustness, soak, speed, walk
+from policies.bench import arms, drive, falls, hands, latency, paper, prior, push, robustness, soak, speed, walk, wrists
 from policies.errors import PolicyError
 from policies.motion.errors import MotionError
 from robots.errors import RobotError
@@ -29,6 +29,7 @@ Bench = (
     | Annotated[robustness.RobustnessBench, tyro.conf.subcommand("robustness")]
     | Annotated[push.PushBench, tyro.conf.subcommand("push")]
     | Annotated[falls.FallsBench, tyro.conf.subcommand("falls")]
+    | Annotated[wrists.WristsBench, tyro.conf.subcommand("wrists")]
 )
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from policies.bench import falls, paper, push, robustness
+from policies.bench import falls, paper, push, robustness, wrists
 from policies.bench.key_points import KeyPoints
 from policies.bench.motions import motions
 from policies.bench.tracking import MEASURES, Conditions, track
@@ -106,3 +106,12 @@ def test_random_driving_for_a_robot_minute(clips):
     row = falls.drive(ROBOT, "walk_h1", motions(ROBOT, clips), falls.FallsBench(hours=1 / 60, robots=4))
     assert row["falls"] <= 1
     assert 0.001 < row["kilometres"] < 0.06
+
+
+def test_wrists_of_the_live_robot_follow_a_slow_swing(clips, tmp_path):
+    record = wrists.run(wrists.WristsBench(motions=clips, json=tmp_path / "w.json"))
+    assert record["fell"] == 0
+    assert record["operator's targets"]["mm"] < 25
+    assert record["joint targets"]["mm"] < 10
+    assert record["joint targets"]["degrees"] < 3
+    assert json.loads((tmp_path / "w.json").read_text()) == record

@@ -1,0 +1,132 @@
+"""`teleop-bench wrists`: how exactly the wrists follow people's motions while the robot walks as those people did.
+
+The whole live policy runs on the play model: interpolation, inverse kinematics, feedforward, legs. Targets arrive at the tick rate.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from policies.arm_model import ArmModel
+from policies.bench.motions import motions
+from policies.bench.tracking import COMMANDS, FALLEN, HEIGHTS, LONGEST
+from policies.command import Command
+from policies.commit import commit
+from policies.motion.clip import Clip
+from policies.whole_body import WholeBody
+from robots import catalog
+from robots.catalog import Robot
+from robots.plant import Plant
+
+LEAD_IN = 2.0
+"""Time in which the arms go to where the motion begins, the robot standing; not counted [s]."""
+PAPER = "paper, four tasks on the real H1, signed means: x .011 to .044, y -.032 to -.018, z .002 to .008 m; .002 to .171 rad"
+
+
+@dataclass(frozen=True)
+class WristsBench:
+    """Play people's motions through the live policy while the robot walks.
+
+    Example: teleop-bench wrists --motions runs/clips.npz --json wrists.json
+    """
+
+    motions: Path | None = None
+    """As in `teleop-bench paper`."""
+    policy: str = "walk_h1"
+    """Shipped weights by name, or a .safetensors file."""
+    robot: str = "h1"
+    """Name in the catalog."""
+    json: Path | None = None
+    """Also write the figures to this file."""
+
+
+def run(config: WristsBench) -> dict:
+    """Play every motion once, print the table, return the JSON record."""
+    robot = catalog.load(config.robot)
+    clips, follower = motions(robot, config.motions).clips, _Follower(robot, config.policy)
+    rows = [follower.play(clip) for clip in track(clips, "following", transient=True)]
+    errors = np.concatenate([row for row, _ in rows])
+    names = ("joint targets", "operator's targets")
+    record = {name: _figures(errors[:, i]) for i, name in enumerate(names)}
+    record |= {"clips": len(clips), "fell": sum(fell for _, fell in rows), "minutes": len(errors) / 3000, "commit": commit()}
+    record["policy"] = config.policy
+    table = Table(title=f"wrists over {record['minutes']:.1f} minutes of walking, {record['fell']} of {len(clips)} fell", caption=PAPER)
+    for column in (
+        "measured against",
+        "mean mm",
+        "p95 mm",
+        "mean degrees",
+        "p95 degrees",
+        "signed mean x y z mm",
+        "roll pitch yaw degrees",
+    ):
+        table.add_column(column, justify="left" if column == "measured against" else "right")
+    for name in names:
+        figures = record[name]
+        signed = ["  ".join(f"{x:+.1f}" for x in figures[axis]) for axis in ("signed_mm", "signed_degrees")]
+        table.add_row(name, *(f"{figures[key]:.1f}" for key in ("mm", "mm_p95", "degrees", "degrees_p95")), *signed)
+    Console(width=140).print(table)
+    if config.json:
+        config.json.write_text(json.dumps(record, indent=1) + "\n")
+    return record
+
+
+def _figures(errors: np.ndarray) -> dict:
+    """errors: translation [m] and rotation vector [rad] in the pelvis frame [n, 2 wrists, 6]."""
+    places, turns = errors[..., :3], errors[..., 3:]
+    far, turned = 1e3 * np.linalg.norm(places, axis=-1), np.degrees(np.linalg.norm(turns, axis=-1))
+    values = {"mm": far.mean(), "mm_p95": np.percentile(far, 95), "degrees": turned.mean(), "degrees_p95": np.percentile(turned, 95)}
+    signed = {"signed_mm": 1e3 * places.mean((0, 1)), "signed_degrees": np.degrees(turns.mean((0, 1)))}
+    return {name: round(float(value), 2) for name, value in values.items()} | {k: v.round(2).tolist() for k, v in signed.items()}
+
+
+class _Follower:
+    def __init__(self, robot: Robot, policy: str) -> None:
+        self._plant, self._policy, self._arms = Plant(robot), WholeBody(robot, policy), ArmModel(robot)
+        self._upper, self._dt = robot.spec.group("waist", "arms"), 1 / robot.spec.policy_rate
+
+    def play(self, clip: Clip) -> tuple[np.ndarray, bool]:
+        """Errors against the joint targets and against the operator's targets [ticks, 2, 2, 6], and whether the robot fell."""
+        state = self._plant.reset()
+        self._policy.reset(state)
+        frames = clip.q[: round(LONGEST / self._dt)]
+        first = self._command(clip, 0, walking=False)
+        for _ in range(round(LEAD_IN / self._dt)):
+            state = self._plant.step(self._policy.act(state, first))
+        rows = []
+        for t in range(len(frames)):
+            command = self._command(clip, t)
+            state = self._plant.step(self._policy.act(state, command))
+            if -state.gravity[2] < FALLEN:
+                return np.array(rows).reshape(-1, 2, 2, 6), True
+            actual = self._wrists(state.q[self._upper])
+            rows.append([_missing(actual, self._policy.trace.reached.reachable), _missing(actual, command.wrists)])
+        return np.array(rows), False
+
+    def _command(self, clip: Clip, t: int, walking: bool = True) -> Command:
+        twist = np.clip(clip.twist[t], *COMMANDS.T) if walking else np.zeros(3)
+        height = float(np.clip(clip.height[t], *HEIGHTS))
+        return Command(True, twist, height, wrists=self._wrists(clip.q[t]), waist=float(clip.q[t, 0]))
+
+    def _wrists(self, q: np.ndarray) -> np.ndarray:
+        self._arms.pose(q)
+        return self._arms.wrists()
+
+
+def _missing(actual: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """From wanted to actual poses [2, 7]: translation and rotation vector in the pelvis frame [2, 6]."""
+    out = np.empty((2, 6))
+    for row, a, b in zip(out, actual, wanted, strict=True):
+        row[:3] = a[:3] - b[:3]
+        spin = np.empty(3)
+        mujoco.mju_subQuat(spin, a[3:], b[3:])
+        mujoco.mju_rotVecQuat(row[3:], spin, b[3:])
+    return out
