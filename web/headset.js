@@ -22,6 +22,7 @@ import { Tracker } from "./tracker.js";
 const PERIOD_MS = 1000 / 60; // of packets
 const VIEWS = ["behind", "eyes", "none"];
 const DIRECTIONS = new Set(["forward", "back", "left", "right", "turn-left", "turn-right"]);
+const DOT = 0.006; // radius of a joint of the person's own hands [m]
 const HEARTBEAT_MS = 50; // timers may rest while a headset shows a session; its frames then send what the timer would
 const PAIR = { width: 640, height: 480 }; // of each picture of a stereo pair
 const FLAT = { fov: 0.75, from: [-2.6, 1.2, 1.7], at: [0, 0, 0.8] };
@@ -215,6 +216,7 @@ function press(frame, space) {
     const ray = frame.getPose(targetRaySpace, space)?.transform;
     if (!ray) continue;
     const from = three(ray.position), m = ray.matrix;
+    for (let way = 0.1; way < 0.6; way += 0.05) tracker.points.push([0, 1, 2].map((i) => from[i] - way * m[8 + i]));
     board.point(side, from, [from[0] - m[8], from[1] - m[9], from[2] - m[10]], Boolean(gamepad?.buttons[0]?.pressed));
   }
 }
@@ -234,6 +236,7 @@ function draw(frame, space, layer, now) {
     const eye = view.transform.inverse.matrix, port = layer.getViewport(view);
     if (choice.view === "none") gl.viewport(port.x, port.y, port.width, port.height);
     else painter.draw(view.projectionMatrix, multiply(eye, world), port, poses, seat.hidden);
+    painter.drawDots(view.projectionMatrix, eye, port, tracker.points, DOT);
     if (board.place) painter.drawBoard(view.projectionMatrix, multiply(eye, board.place), board.size, board.canvas, changed && view === viewer.views[0]);
   }
 }
@@ -255,7 +258,7 @@ $("picture").addEventListener("pointermove", (event) => {
 
 function preview() {
   requestAnimationFrame(preview);
-  if (immersion.active || !painter || choice.view === "none" || !(show())) return;
+  if (immersion.active || !painter || choice.view === "none" || !show()) return;
   if (!poses) return;
   const canvas = $("picture"), [width, height] = [canvas.clientWidth, canvas.clientHeight].map((x) => Math.round(x * Math.min(devicePixelRatio, 2)));
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });

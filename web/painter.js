@@ -65,12 +65,29 @@ uniform sampler2D picture;
 in vec2 spot;
 out vec4 colour;
 void main() { colour = texture(picture, spot); }`;
+const DOT_VERTEX = `#version 300 es
+uniform mat4 clip;
+uniform float size;
+layout(location = 0) in vec3 position;
+void main() {
+  gl_Position = clip * vec4(position, 1.0);
+  gl_PointSize = size / gl_Position.w;
+}`;
+const DOT_FRAGMENT = `#version 300 es
+precision mediump float;
+out vec4 colour;
+void main() {
+  vec2 at = 2.0 * gl_PointCoord - 1.0;
+  if (dot(at, at) > 1.0) discard;
+  colour = vec4(mix(vec3(0.36, 0.56, 0.9), vec3(0.13, 0.3, 0.66), dot(at, at)), 1.0);
+}`;
 
 export class Painter {
   #gl;
   #programs;
   #meshes;
   #square;
+  #dots;
   #picture = null;
 
   // gl: a WebGL2 context; meshes: from fetchMeshes().
@@ -80,9 +97,11 @@ export class Painter {
       body: program(gl, BODY_VERTEX, BODY_FRAGMENT),
       floor: program(gl, FLOOR_VERTEX, FLOOR_FRAGMENT),
       board: program(gl, BOARD_VERTEX, BOARD_FRAGMENT),
+      dots: program(gl, DOT_VERTEX, DOT_FRAGMENT),
     };
     this.#meshes = meshes.map((mesh) => ({ ...mesh, ...upload(gl, mesh) }));
     this.#square = square(gl);
+    this.#dots = { array: gl.createVertexArray(), buffer: gl.createBuffer() };
   }
 
   clear() {
@@ -137,6 +156,22 @@ export class Painter {
     gl.bindTexture(gl.TEXTURE_2D, this.#picture);
     gl.bindVertexArray(this.#square);
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    gl.bindVertexArray(null);
+  }
+
+  // The person's own hands, which no headset shows: discs at these points of its space, of this radius [m].
+  drawDots(projection, eyeFromSpace, { height }, points, radius) {
+    if (!points.length) return;
+    const gl = this.#gl, { program: code, at } = this.#programs.dots, { array, buffer } = this.#dots;
+    gl.useProgram(code);
+    gl.uniformMatrix4fv(at.clip, false, multiply(projection, eyeFromSpace));
+    gl.uniform1f(at.size, height * projection[5] * radius);
+    gl.bindVertexArray(array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(points.flat()), gl.STREAM_DRAW);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+    gl.drawArrays(gl.POINTS, 0, points.length);
     gl.bindVertexArray(null);
   }
 

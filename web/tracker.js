@@ -12,6 +12,7 @@ export class Tracker {
   sticks = [null, null]; // thumbsticks of controllers [x to the right, y to the back]
   buttons = { engage: false, stop: false }; // A or X, and B or Y, of either controller
   head = null; // {position, orientation} of this frame, or null
+  points = []; // of both hands, in this frame: joints of fingers, or where a controller is
   #pinched = [false, false];
 
   // Fill the packet with what this frame has seen. Returns the sides, 0 and 1, that a controller drives.
@@ -21,6 +22,7 @@ export class Tracker {
     let valid = 0;
     this.hands = [null, null];
     this.wrists = [null, null];
+    this.points = [];
     this.squeezed = [false, false];
     this.sticks = [null, null];
     this.buttons = { engage: false, stop: false };
@@ -54,6 +56,7 @@ export class Tracker {
       points.push(three(pose.transform.position));
     }
     if (!wrist) return 0;
+    this.points.push(...points);
     packet.set("wrists", row(wrist), 7 * side);
     this.wrists[side] = three(wrist.position);
     let valid = packet.seen[`${NAMES[side]}_WRIST`];
@@ -77,6 +80,7 @@ export class Tracker {
     if (!pose || pose.emulatedPosition) return grip; // out of the headset's sight: its place is a guess
     packet.set("wrists", row(pose.transform), 7 * side);
     this.wrists[side] = three(pose.transform.position);
+    this.points.push(this.wrists[side]);
     return grip | packet.seen[`${NAMES[side]}_WRIST`];
   }
 }
