@@ -60,6 +60,15 @@ class StopOrder(Wire):
     success: bool | None = None
 
 
+class LabelOrder(Wire):
+    """Body of POST /api/episodes/{id}/label."""
+
+    label: Label | None = None
+    """None: as it is."""
+    success: bool | None
+    """None: not marked."""
+
+
 class Started(Wire):
     """The episode that is being recorded from now on."""
 
@@ -198,6 +207,22 @@ class Episodes:
                 self._summaries[id] = _judge(info)
             return self._summaries[id]
 
+    def label(self, id: str, order: LabelOrder) -> EpisodeInfo:
+        """Change what a finished episode is called and whether it went well.
+
+        Raises:
+            WrongMoment: it is being recorded.
+            UnknownEpisode, DiskFailed, DamagedRecording, RecordingInUse, OSError
+        """
+        info = self.find(id)
+        if info.ended == "open":
+            raise WrongMoment(f"episode {id} is being recorded; say it when it stops")
+        label = info.label if order.label is None else order.label
+        if info.file == self.recorder.session()[0]:
+            return self.recorder.label(id, label, order.success)
+        self.library.label(info, label, order.success)
+        return self.find(id)
+
     def discard(self, id: str) -> None:
         """Forget an episode, the one being recorded included.
 
@@ -253,6 +278,12 @@ def router(episodes: Episodes) -> APIRouter:
         order = order or StopOrder()
         with _as_http():
             return EpisodeRecord.of(episodes.recorder.stop(id, order.label, order.success))
+
+    @api.post("/{id}/label")
+    def label(id: Id, order: LabelOrder) -> EpisodeRecord:
+        """Change the task text and the mark of a finished episode."""
+        with _as_http():
+            return EpisodeRecord.of(episodes.label(id, order))
 
     @api.post("/{id}/discard", status_code=status.HTTP_204_NO_CONTENT)
     def discard(id: Id) -> None:

@@ -71,6 +71,15 @@ class Recorder:
         """
         return self._ask(lambda: self._tape.stop(id, "stopped", label, success))
 
+    def label(self, id: str, label: str, success: bool | None) -> EpisodeInfo:
+        """Another label and mark for a finished episode of this session.
+
+        Raises:
+            WrongMoment: this session has no such episode.
+            DiskFailed: the disk failed.
+        """
+        return self._ask(lambda: self._tape.label(id, label, success))
+
     def discard(self, id: str) -> None:
         """Hide an episode of this session, the open one included. Its space returns when its file is rewritten.
 

@@ -7,7 +7,7 @@ import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -123,6 +123,21 @@ class Tape:
             self._session.file.sync()
         self.open, self.done = None, (*self.done, info)
         return info
+
+    def label(self, id: str, label: str, success: bool | None) -> EpisodeInfo:
+        """Another label and mark for a finished episode of the session file.
+
+        Raises:
+            WrongMoment: the file has no such episode.
+        """
+        old = next((info for info in self.done if info.id == id), None)
+        if old is None or self._session is None:
+            raise WrongMoment(f"there is no finished episode {id!r} in this session")
+        with self._disk():
+            self._session.writer.label(old.number, time.time(), label, success)
+        new = replace(old, label=label, success=success)
+        self.done = tuple(new if info is old else info for info in self.done)
+        return new
 
     def discard(self, id: str) -> None:
         """Hide an episode of the session file, the open one included.

@@ -43,7 +43,7 @@ _PLOT_SCHEMA = {
 }
 _EVENT_SCHEMA = {
     "type": "object",
-    "properties": {"event": {"enum": ["start", "stop", "discard", "gap"]}, "id": {"type": "string"}},
+    "properties": {"event": {"enum": ["start", "stop", "label", "discard", "gap"]}, "id": {"type": "string"}},
     "required": ["event"],
 }
 

@@ -27,6 +27,8 @@ class Contents:
     """Offsets of the chunks that may hold rows of an episode."""
     starts: dict[int, dict[str, Any]] = field(default_factory=dict)
     stops: dict[int, dict[str, Any]] = field(default_factory=dict)
+    labels: dict[int, dict[str, Any]] = field(default_factory=dict)
+    """Afterthoughts about finished episodes."""
     discarded: set[int] = field(default_factory=set)
     damaged: int = 0
     """Chunks that could not be read."""
@@ -39,6 +41,7 @@ class Contents:
     def info(self, number: int, file: Path, rate: float) -> EpisodeInfo:
         """The list entry of an episode, as good as the file still knows it."""
         told: dict[str, Any] = self.starts.get(number, {}) | self.stops.get(number, {"ended": "truncated"})
+        told |= self.labels.get(number, {})
         told = {"id": f"{file.stem}_{number:03d}", "start": self.walls.get(number, 0.0)} | told | {"number": number, "file": file}
         if self.counted:
             ticks = np.array(self.ticks.get(number, []), dtype=np.uint64)
@@ -57,6 +60,8 @@ class Contents:
                 self.starts[number] = event
             case "stop":
                 self.stops[number] = event
+            case "label":
+                self.labels[number] = event
             case "discard":
                 self.discarded.add(number)
 
@@ -87,10 +92,14 @@ def _by_events(file: BinaryIO, layout: Layout) -> Contents | None:
             if chunk is None:
                 return None
             for message in chunk[0]:
+                found._place(message.sequence, place.offset)
                 if message.channel_id == EVENTS:
-                    found._event(message.sequence, json.loads(message.data))
-            current = chunk[0][-1].sequence
-        found._place(current, place.offset)
+                    event = json.loads(message.data)
+                    found._event(message.sequence, event)
+                    if event.get("event") == "start":  # any other one may be about an earlier episode
+                        current = message.sequence
+        else:
+            found._place(current, place.offset)
     return found
 
 

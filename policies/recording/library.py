@@ -11,7 +11,7 @@ import numpy as np
 
 from policies.episode import DamagedRecording, EpisodeInfo
 from policies.recording.reader import Recording
-from policies.recording.rewrite import RecordingInUse, Recovered, keep_only, recover, stream
+from policies.recording.rewrite import RecordingInUse, Recovered, keep_only, recover, relabel, stream
 from policies.recording.session_file import in_use
 
 _log = logging.getLogger(__name__)
@@ -51,6 +51,15 @@ class Library:
             blocks = [metadata.qpos(rows)[rows["tick"] % every == 0] for rows in recording.blocks(info.number)]
         with np.errstate(over="ignore"):  # a diverged simulation is recorded too
             return np.concatenate([np.empty((0, metadata.nq)), *blocks]).astype(np.float32)
+
+    def label(self, info: EpisodeInfo, label: str, success: bool | None) -> None:
+        """Rewrite the episode's file with another label and mark for it.
+
+        Raises:
+            DamagedRecording, RecordingInUse, OSError: the file is as it was.
+        """
+        with self._rewriting:
+            relabel(info.file, info.number, label, success)
 
     def delete(self, info: EpisodeInfo) -> None:
         """Rewrite the episode's file without it and without the discarded ones.

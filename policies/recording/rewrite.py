@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from policies.recording.reader import Recording
@@ -87,6 +87,20 @@ def keep_only(path: Path, numbers: Collection[int]) -> None:
         return
     with Recording(path) as recording:
         _replace(recording, numbers, None)
+
+
+def relabel(path: Path, number: int, label: str, success: bool | None) -> None:
+    """Rewrite a file with another label and mark for one episode.
+
+    Raises:
+        DamagedRecording, RecordingInUse, OSError: as `recover`; the file is as it was.
+    """
+    if in_use(path):
+        raise RecordingInUse(path)
+    with Recording(path) as recording:
+        told = {"label": label, "success": success}
+        recording.infos = [replace(info, **told) if info.number == number else info for info in recording.infos]
+        _replace(recording, {info.number for info in recording.infos}, None)
 
 
 def _unused(path: Path) -> Path:

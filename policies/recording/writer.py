@@ -83,6 +83,11 @@ class EpisodeWriter:
         self.flush()
         return info
 
+    def label(self, number: int, wall: float, label: str, success: bool | None) -> None:
+        """Another label and mark for a finished episode."""
+        self._event(number, wall, event="label", label=label, success=success)
+        self.flush()
+
     def discard(self, number: int, wall: float) -> None:
         """Hide a finished episode from now on; its rows go when the file is rewritten."""
         self._event(number, wall, event="discard")

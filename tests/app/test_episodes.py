@@ -270,3 +270,40 @@ def test_an_episode_that_cannot_be_judged_says_why(site: Site):
     assert site.json("GET", "")[0]["seed"] == 3
     assert site.ask("GET", f"/{open_one}/summary")[0] == 409
     assert site.ask("GET", "/nothing/summary")[0] == 404
+
+
+@pytest.mark.parametrize("finished", [False, True])
+def test_a_mark_can_be_changed_later(site: Site, finished: bool):
+    (one, rows), (other, _) = site.record(20, label="wave", success=True), site.record(5, label="wave")
+    if finished:
+        site.episodes.recorder.release()
+    told = site.json("POST", f"/{one}/label", {"success": False})
+    assert (told["label"], told["success"]) == ("wave", False)
+    assert site.json("POST", f"/{other}/label", {"success": None, "label": "bow"})["label"] == "bow"
+    marks = {info["id"]: (info["label"], info["success"], info["rows"]) for info in site.json("GET", "")}
+    assert marks == {one: ("wave", False, 20), other: ("bow", None, 5)}
+    site.episodes.close()
+    (file,) = site.episodes.library.files()
+    with Recording(file) as recording:
+        assert [(info.label, info.success) for info in recording.infos] == [("wave", False), ("bow", None)]
+        assert recording.episode(recording.infos[0]).rows.tobytes() == rows.tobytes()
+
+
+def test_the_open_episode_is_marked_when_it_stops(site: Site):
+    id = site.json("POST", "")["id"]
+    assert site.ask("POST", f"/{id}/label", {"success": True})[0] == 409
+    assert site.ask("POST", "/nothing/label", {"success": True})[0] == 404
+
+
+@pytest.mark.parametrize("order", ["label", "discard"])
+def test_a_word_about_an_earlier_episode_costs_the_open_one_no_row(site: Site, order: str):
+    earlier, _ = site.record(10)
+    id = site.json("POST", "")["id"]
+    first = site.push(30)
+    site.ask("POST", f"/{earlier}/{order}", {"success": True} if order == "label" else None)
+    second = site.push(30)
+    site.json("POST", f"/{id}/stop", {})
+    site.episodes.close()
+    (file,) = site.episodes.library.files()
+    with Recording(file) as recording:
+        assert recording.episode(recording.infos[-1]).rows.tobytes() == np.concatenate([first, second]).tobytes()
