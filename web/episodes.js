@@ -6,7 +6,8 @@ import { text } from "./status.js";
 
 const SURE_MS = 3000; // for the second press of a delete button
 const FRESH = "teleop fresh start", SEED = "teleop next seed";
-const MARKS = { true: "✓", false: "✗", null: "" };
+const MARKS = { true: ["✓", "it went well"], false: ["✗", "it went wrong"], null: ["·", "not marked"] };
+const NEXT = { true: false, false: null, null: true };
 
 export class Episodes {
   #recording = null; // id of the open episode
@@ -82,13 +83,15 @@ export class Episodes {
 
   #item(episode) {
     const item = document.createElement("li");
-    item.innerHTML = `<button class="icon" title="Play back">${icon("play")}</button><span><b></b><small></small></span>
+    item.innerHTML = `<button class="icon" title="Play back">${icon("play")}</button><span><b></b><small></small></span><button class="icon mark"></button>
       <a class="icon" title="Download" download>${icon("download")}</a><button class="icon" title="Delete">${icon("trash")}</button>`;
-    const [play, remove] = item.querySelectorAll("button"), link = item.querySelector("a");
+    const [play, mark, remove] = item.querySelectorAll("button"), link = item.querySelector("a");
     item.querySelector("b").textContent = name(episode);
-    const notes = [episode.label && when(episode.start), clock(episode.seconds), MARKS[episode.success]];
+    const notes = [episode.label && when(episode.start), clock(episode.seconds)];
     notes.push(episode.ended === "truncated" && "cut off", episode.missing && `${episode.missing} ticks missing`);
     item.querySelector("small").textContent = notes.filter(Boolean).join(" · ");
+    [mark.textContent, mark.title] = MARKS[episode.success];
+    mark.addEventListener("click", () => this.#ask("POST", `/${episode.id}/label`, { success: NEXT[episode.success] }));
     link.href = `/api/episodes/${episode.id}/download`;
     play.addEventListener("click", () => this.playback.show(episode));
     remove.addEventListener("click", () => this.#remove(remove, episode));

@@ -42,6 +42,8 @@ def test_keys_end_an_episode_as_success_failure_or_not_at_all(page: Page, robot:
     told = [(episode["label"], episode["success"]) for episode in robot.ask("/api/episodes")]
     assert told == [("wave", False), ("pick up the cup", True)]
     eventually(lambda: "✓ 1 · ✗ 1" in (page.locator("#counters").text_content() or ""))
+    page.locator("#episodes .mark").first.evaluate("button => button.click()")
+    eventually(lambda: robot.ask("/api/episodes")[0]["success"] is None)
     assert page.locator("#label").input_value() == "nothing", "the task stays for the next try"
 
 
