@@ -59,21 +59,15 @@ def run(config: WristsBench) -> dict:
     record |= {"clips": len(clips), "fell": sum(fell for _, fell in rows), "minutes": len(errors) / 3000, "commit": commit()}
     record["policy"] = config.policy
     table = Table(title=f"wrists over {record['minutes']:.1f} minutes of walking, {record['fell']} of {len(clips)} fell", caption=PAPER)
-    for column in (
-        "measured against",
-        "mean mm",
-        "p95 mm",
-        "mean degrees",
-        "p95 degrees",
-        "signed mean x y z mm",
-        "roll pitch yaw degrees",
-    ):
-        table.add_column(column, justify="left" if column == "measured against" else "right")
+    columns = "measured against", "mean mm", "p95 mm", "mean °", "p95 °", "x y z: absolute mm", "signed mm", "absolute °", "signed °"
+    for column in columns:
+        table.add_column(column, justify="left" if column == columns[0] else "right")
     for name in names:
         figures = record[name]
-        signed = ["  ".join(f"{x:+.1f}" for x in figures[axis]) for axis in ("signed_mm", "signed_degrees")]
-        table.add_row(name, *(f"{figures[key]:.1f}" for key in ("mm", "mm_p95", "degrees", "degrees_p95")), *signed)
-    Console(width=140).print(table)
+        sizes = (f"{figures[key]:.1f}" for key in ("mm", "mm_p95", "degrees", "degrees_p95"))
+        axes = ("absolute_mm", "signed_mm", "absolute_degrees", "signed_degrees")
+        table.add_row(name, *sizes, *(" ".join(f"{x:.1f}" for x in figures[axis]) for axis in axes))
+    Console(width=150).print(table)
     if config.json:
         config.json.write_text(json.dumps(record, indent=1) + "\n")
     return record
@@ -84,8 +78,9 @@ def _figures(errors: np.ndarray) -> dict:
     places, turns = errors[..., :3], errors[..., 3:]
     far, turned = 1e3 * np.linalg.norm(places, axis=-1), np.degrees(np.linalg.norm(turns, axis=-1))
     values = {"mm": far.mean(), "mm_p95": np.percentile(far, 95), "degrees": turned.mean(), "degrees_p95": np.percentile(turned, 95)}
-    signed = {"signed_mm": 1e3 * places.mean((0, 1)), "signed_degrees": np.degrees(turns.mean((0, 1)))}
-    return {name: round(float(value), 2) for name, value in values.items()} | {k: v.round(2).tolist() for k, v in signed.items()}
+    axes = {"signed_mm": 1e3 * places.mean((0, 1)), "signed_degrees": np.degrees(turns.mean((0, 1)))}
+    axes |= {"absolute_mm": 1e3 * np.abs(places).mean((0, 1)), "absolute_degrees": np.degrees(np.abs(turns).mean((0, 1)))}
+    return {name: round(float(value), 2) for name, value in values.items()} | {k: v.round(2).tolist() for k, v in axes.items()}
 
 
 class _Follower:
