@@ -78,6 +78,7 @@ class HandRetargeter:
         self._rows, self._missing = np.zeros((19, drives)), np.zeros(19)
         self.touches = [self._touch(finger) for finger in range(4)]
         """Of thumb and each other finger: the drives [6], rad, that bring them closest, and the gap that is left [m]."""
+        self._least = np.array([least for _, least in self.touches])
         self.reset()
 
     def twin(self) -> HandRetargeter:
@@ -126,11 +127,10 @@ class HandRetargeter:
         share = np.clip((FAR - gaps) / (FAR - NEAR), 0.0, 1.0)
         weight = (share * (gaps.min() + 0.01) / (gaps + 0.01)) ** 2
         finger = int(gaps.argmin())
-        touch, least = self.touches[finger]
+        touch = self.touches[finger][0]
         pull = np.zeros_like(touch)
         pull[[0, 1, 2 + finger]] = TOUCHING * weight[finger]
-        gaps = np.maximum(gaps - CLOSER * share, 0.0)
-        gaps[finger] = max(gaps[finger], least)
+        gaps = np.maximum(gaps - CLOSER * share, self._least)
         return Wanted(np.vstack([opposed, bends[1:]]), gaps, PINCH * weight, touch, pull)
 
     def _descend(self, wanted: Wanted) -> None:
