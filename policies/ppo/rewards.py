@@ -16,7 +16,7 @@ from robots.state import State
 
 CONTACT = 5.0
 """Force that counts as ground contact [N]."""
-VELOCITY = 4.25
+VELOCITY = 5.75
 """The most that the velocity term pays."""
 
 
@@ -88,12 +88,12 @@ class Rewards:
         return {
             "velocity": 1.5 * np.exp(-slow / 0.12)
             + 1.25 * np.exp(-slow / 0.015)
-            + 0.5 * np.exp(-slow / 0.003)
+            + 2.0 * np.exp(-slow / 0.003)
             + 1.0 * np.exp(-fast / 0.06),
             "turning": 0.75 * np.exp(-turn / 0.15)
             + 0.5 * np.exp(-turn / 0.02)
             + 1.0 * np.exp(-turn_now / 0.08)
-            + 0.75 * np.exp(-turn_now / 0.015),
+            + 1.5 * np.exp(-turn_now / 0.015),
             "foot_height": 2.0 * np.exp(-((height - lift) ** 2).sum(-1) / 0.002),
             "contact": match,
             "posture": np.exp(-sunk / 0.01) + 0.5 * np.exp(-sunk / 0.001) + np.exp(-leant / 0.02) + 0.5 * np.exp(-leant / 0.004),

@@ -117,7 +117,7 @@ class Trainer:
                 "critic": self.critic.state_dict(), "optimiser": self.ppo.optimiser.state_dict(),
                 "lr": self.ppo.lr, "steps": self.steps, "begun_at": self.begun_at, "stage": self.stage,
                 "seconds": self.seconds, "penalty": self.env.penalty,
-                "alpha": torch.as_tensor(self.env.playback.alpha), "curves": json.dumps(self.curves),
+                "alpha": torch.as_tensor(self.env.playback.alpha), "prior": self.config.prior, "curves": json.dumps(self.curves),
             },
             aside,
         )  # fmt: skip
@@ -149,14 +149,16 @@ class Trainer:
         self.env.playback.alpha[:] = kept["alpha"].cpu().numpy()
 
     def _begin(self, path: Path) -> None:
-        """Take the networks of another run into the last stage. What it knew of z is forgotten: the first layer starts
-        blind to it, so that the policy begins exactly as good as it was, with fresh statistics."""
+        """Take the networks of another run into the last stage. If its z came from another prior, or none, the first layer starts
+        blind to z and with fresh statistics of it, so that the policy begins exactly as good as it was."""
         if not path.exists():
             raise NothingToBeginWith(path)
         kept = torch.load(path, weights_only=True, map_location=self.device)
         self.stage, self.env.penalty, self.begun_at = len(STAGES) - 1, kept["penalty"], kept["begun_at"] + kept["steps"]
         for network, stored, seen in zip((self.actor, self.critic), (kept["actor"], kept["critic"]), self._sample(), strict=True):
             network.load_state_dict(stored)
+            if kept["prior"] == self.config.prior:
+                continue
             inputs, latent = network.inputs(seen), slice(self.env.observer.size - LATENT, self.env.observer.size)
             mask = network.inputs.basis[:, latent].abs().sum(-1) > 0
             network.normaliser.adopt(inputs, mask)
