@@ -155,13 +155,16 @@ class Trainer:
             raise NothingToBeginWith(path)
         kept = torch.load(path, weights_only=True, map_location=self.device)
         self.stage, self.env.penalty, self.begun_at = len(STAGES) - 1, kept["penalty"], kept["begun_at"] + kept["steps"]
-        for network, stored, seen in zip((self.actor, self.critic), (kept["actor"], kept["critic"]), self._sample(), strict=True):
-            network.load_state_dict(stored)
-            if kept["prior"] == self.config.prior:
-                continue
-            inputs, latent = network.inputs(seen), slice(self.env.observer.size - LATENT, self.env.observer.size)
+        self.actor.load_state_dict(kept["actor"])
+        self.critic.load_state_dict(kept["critic"])
+        if kept["prior"] != self.config.prior:
+            self._forget_latent()
+
+    def _forget_latent(self) -> None:
+        latent = slice(self.env.observer.size - LATENT, self.env.observer.size)
+        for network, seen in zip((self.actor, self.critic), self._sample(), strict=True):
             mask = network.inputs.basis[:, latent].abs().sum(-1) > 0
-            network.normaliser.adopt(inputs, mask)
+            network.normaliser.adopt(network.inputs(seen), mask)
             network.body.ignore(mask)
 
     def _sample(self) -> tuple[torch.Tensor, torch.Tensor]:
@@ -172,7 +175,7 @@ class Trainer:
         self.env.start(STAGES[-1])
         seen = [self._tensors(*self.env.step(np.zeros((self.config.count, 12)))[:2]) for _ in range(60)]
         playback.alpha[:] = alpha
-        self._now = None
+        self.env.log.clear()
         return torch.cat([x for x, _ in seen[30:]]), torch.cat([y for _, y in seen[30:]])
 
     def export(self, path: Path) -> Path:
