@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from app.arbiter import Role
 from app.gate import LOOPBACK
 
-ONLY_HERE = "Only this computer can open it: the program listens on loopback. A phone reaches it through a tunnel."
+ONLY_HERE = "Only this computer can open it: it is a loopback address. Start teleop with --host 0.0.0.0 --token FILE to let a phone in."
 
 
 class Invitation(BaseModel):

@@ -93,14 +93,15 @@ def click(page: Page, selector: str) -> None:
     page.locator(selector).evaluate("element => element.click()")
 
 
-def engage(page: Page, robot: Robot) -> None:
-    """Tap Engage until the robot follows: a page that the machine kept from running for 200 ms is let go of, rightly."""
+def engage(page: Page, robot: Robot, role: str | None = None) -> None:
+    """Tap Engage until the robot follows, or one role of it: a page that the machine kept from running for 200 ms is let go of, rightly."""
 
     def follows() -> bool:
         page.keyboard.press("Space")
         until = time.monotonic() + 1.0
         while time.monotonic() < until:
-            if robot.health["state"] == "ENGAGED":
+            health = robot.health
+            if (health["roles"][role] if role else health)["state"] == "ENGAGED":
                 return page.locator("#engage.on").count() == 1
             time.sleep(0.02)
         return False
