@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 from browser import START, VIEW, Robot
+from browser import engage as click_engage
 from stand_ins import eventually
 from websockets.sync.client import connect
 
@@ -23,6 +24,7 @@ DEVICE = """
 const device = (window.device = new IWER.XRDevice(IWER.metaQuest3));
 device.installRuntime({ forceInstall: true });
 device.stereoEnabled = true;
+Object.defineProperty(XRPose.prototype, "emulatedPosition", { get: () => window.unseen === true }); // IWER calls every place a guess
 device.position.set(0, 1.6, 0);
 device.primaryInputMode = "hand";
 window.place = (side, x, y, z) => device.hands[side].position.set(x, y, z);
@@ -61,6 +63,11 @@ class Eye:
         """Between the tips of thumb and index finger [m]."""
         data = self.look()
         return float(np.linalg.norm(data.site(f"{side}_thumb_tip").xpos - data.site(f"{side}_index_tip").xpos))
+
+    def fist(self, side: str) -> float:
+        """How far the index finger is bent, 0 to 1."""
+        joint = self._model.joint(f"{side}_index_proximal_joint")
+        return float(self.look().qpos[joint.qposadr[0]] / joint.range[1])
 
     def neck(self) -> tuple[float, float]:
         data = self.look()
@@ -165,6 +172,40 @@ def test_clutch_and_lost_tracking_hold_the_arm_and_bring_it_back_without_a_jump(
     eventually(lambda: robot.health["state"] == "HOLD", 2)
 
 
+def test_controllers_grip_clutch_walk_and_engage(headset: Page, robot: Robot, eye: Eye) -> None:
+    headset.evaluate("device.primaryInputMode = 'controller'; device.controllers.left.position.set(-0.2, 1.1, -0.4)")
+
+    def pressed() -> bool:
+        headset.evaluate("device.controllers.right.updateButtonValue('a-button', 1)")
+        headset.wait_for_timeout(150)
+        headset.evaluate("device.controllers.right.updateButtonValue('a-button', 0)")
+        headset.wait_for_timeout(600)
+        return robot.health["state"] == "ENGAGED"
+
+    eventually(pressed, 40)
+    move = "async ([x, y, z]) => { device.controllers.left.position.set(x, y, z); await new Promise((f) => setTimeout(f, 300)) }"
+    before = eye.target("left")
+    headset.evaluate(move, [-0.2, 1.13, -0.43])
+    assert np.linalg.norm(eye.target("left") - before) < 0.005, "a controller whose grip is not held moves nothing"
+    headset.evaluate("device.controllers.left.updateButtonValue('squeeze', 1)")
+    headset.wait_for_timeout(200)
+    headset.evaluate(move, [-0.2, 1.16, -0.43])
+    eventually(lambda: (eye.target("left") - before)[2] > 0.02)
+    before = eye.target("left")
+    headset.evaluate("window.unseen = true")
+    headset.evaluate(move, [-0.2, 1.2, -0.43])
+    assert np.linalg.norm(eye.target("left") - before) < 0.005, "a controller out of sight moves nothing"
+    headset.evaluate("window.unseen = false")
+    headset.evaluate("device.controllers.right.updateButtonValue('trigger', 1)")
+    eventually(lambda: eye.fist("R") > 0.9 and eye.fist("L") < 0.1)
+    headset.evaluate("device.controllers.left.updateAxes('thumbstick', 0, -1)")
+    eventually(lambda: robot.vx > 0.3)
+    headset.evaluate("device.controllers.left.updateAxes('thumbstick', 0, 0)")
+    eventually(lambda: robot.vx == 0, 3)
+    headset.evaluate("device.controllers.left.updateButtonValue('y-button', 1)")
+    eventually(lambda: robot.health["state"] == "STOPPED", 3)
+
+
 def test_sixty_packets_a_second_and_none_waits(headset: Page, robot: Robot) -> None:
     """The best second of ten: machines that run tests are busy."""
     said = []
@@ -184,3 +225,107 @@ def test_flat_the_page_draws_the_robot(chromium: Browser, robot: Robot) -> None:
     page.wait_for_function("/preview/.test(document.querySelector('#support').textContent)", timeout=START * 1e3)
     page.wait_for_function("document.querySelector('#picture').width !== 300", timeout=START * 1e3)  # drawn once, at its own size
     context.close()
+
+
+BOARD = """async () => {
+  const { Board } = await import("/web/board.js"), { apply } = await import("/web/matrix.js");
+  const done = [], names = ["a", "b", "c", "d"];
+  const board = new Board(names.map((name) => ({ label: () => name, press: () => done.push(name) })));
+  const head = { position: { x: 0, y: 1.6, z: 0 }, orientation: { x: 0, y: 0, z: 0, w: 1 } };
+  board.touch([[0, 1, -0.4], null]); // nowhere yet
+  board.recentre(head);
+  const at = (x, y, z) => apply(board.place, [x, y, z]);
+  const touch = (x, y, ...heights) => heights.forEach((z) => board.touch([at(x, y, z), null]));
+  touch(-0.08, 0.03, 0.1, 0.02, 0.005, 0.002, 0.005, 0.02, 0.005); // one press, however long and often it trembles
+  touch(0.08, -0.07, 0.1, 0.005, 0.1, 0.005);
+  touch(0.5, 0, 0.1, 0.0); // beside it
+  const from = [0, 1.6, 0];
+  for (const presses of [false, true, true, false]) board.point(1, from, at(0.08, 0.03, 0), presses);
+  board.point(1, from, at(0.5, 0.5, 0), true);
+  board.point(0, from, at(0, 0, 0.5), false);
+  return [done, board.paint("HOLD", "why"), board.paint("HOLD", "why"), board.paint("ENGAGED", "why")];
+}"""
+SEAT = """async () => {
+  const { Seat } = await import("/web/seat.js"), { apply } = await import("/web/matrix.js"), { about } = await import("/web/rotation.js");
+  const description = await (await fetch("/api/scene")).json();
+  const { forward } = await import("/web/kinematics.js");
+  const seat = new Seat(description), zero = { position: { x: 0, y: 1.6, z: 0 }, orientation: { x: 0, y: 0, z: 0, w: 1 } };
+  const robot = (x, yaw) => forward(description.bodies, [x, 0, 1, ...about([0, 0, 1], yaw), ...Array(description.nq - 7).fill(0)]);
+  const pelvis = (x, yaw) => apply(seat.place(robot(x, yaw), 0.02), [x, 0, 1]).map((v) => Math.round(v * 1000) / 1000);
+  seat.recentre(zero);
+  const behind = [pelvis(0, 0), pelvis(0.5, 0.3), pelvis(1.4, 0)];
+  seat.view = "eyes";
+  seat.recentre(zero);
+  const turn = (yaw) => { const m = seat.place(robot(0, yaw), 0.02); return Math.round(Math.atan2(-m[0], -m[2]) * 1000) / 1000 };
+  const steps = [0, 0.2, 0.3, 0.3].map(turn);
+  seat.smooth = true;
+  for (let i = 0; i < 200; i++) turn(0.4);
+  const eye = seat.place(robot(0, 0), 0), view = seat.camera(robot(0, 0), -1);
+  return { behind, steps, smooth: turn(0.4), hidden: seat.hidden.size, left: apply(view, robot(0, 0)[description.eye.body].position)[0] };
+}"""
+
+
+GAZE = """async ([qpos, wrists]) => {
+  const { atHands } = await import("/web/gaze.js"), { forward } = await import("/web/kinematics.js");
+  const description = await (await fetch("/api/scene")).json();
+  return atHands(description, forward(description.bodies, qpos), wrists);
+}"""
+
+
+def test_a_head_that_looks_at_the_hands_has_them_in_the_middle_of_its_view(chromium: Browser, robot: Robot) -> None:
+    model = catalog.load("h1").model("play")
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for joint, angle in (("torso_joint", 0.5), ("left_shoulder_pitch_joint", -0.8), ("right_shoulder_yaw_joint", -0.4)):
+        data.qpos[model.joint(joint).qposadr[0]] = angle
+    data.qpos[:7] = [1.0, -2.0, 0.9, *np.array([0.9, 0.1, 0.05, -0.4]) / np.linalg.norm([0.9, 0.1, 0.05, -0.4])]
+    mujoco.mj_kinematics(model, data)
+    pelvis, sites = data.body("pelvis"), [data.site(f"{side}_wrist").xpos.copy() for side in ("left", "right")]
+    in_pelvis = [pelvis.xmat.reshape(3, 3).T @ (site - pelvis.xpos) for site in sites]
+    wrists = {side: {"actual": {"position": at.tolist()}} for side, at in zip(("left", "right"), in_pelvis, strict=True)}
+    context = chromium.new_context(viewport=VIEW)
+    context.add_init_script("localStorage.setItem('teleop headset view', 'none')")
+    page = context.new_page()
+    page.goto(robot.url + "/xr")
+    neck = page.evaluate(GAZE, [data.qpos.tolist(), wrists])
+    context.close()
+    for axis in ("yaw", "pitch"):
+        data.qpos[model.joint(f"neck_{axis}_joint").qposadr[0]] = neck[axis]
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    way, looks = np.mean(sites, axis=0) - data.cam("head").xpos, -data.cam("head").xmat.reshape(3, 3)[:, 2]
+    assert np.degrees(np.arccos(way @ looks / np.linalg.norm(way))) < 4
+
+
+def test_the_board_is_pressed_once_and_the_seat_does_not_move_by_itself(chromium: Browser, robot: Robot) -> None:
+    context = chromium.new_context(viewport=VIEW)
+    context.add_init_script("localStorage.setItem('teleop headset view', 'none')")
+    page = context.new_page()
+    page.goto(robot.url + "/xr")
+    assert page.evaluate(BOARD) == [["a", "d", "d", "b"], True, False, True]
+    seen = page.evaluate(SEAT)
+    context.close()
+    assert seen["behind"][0] == [0, 1, -1.5], "one stands a step behind the robot"
+    assert seen["behind"][1] == [0, 1, -2], "it may walk and turn without taking the view along"
+    assert seen["behind"][2] == [0, 1, -1.5], "when it is too far away one is put behind it again"
+    assert len(set(seen["steps"][:2])) == 1, "the view in its eyes does not sway"
+    assert abs(seen["steps"][2] - seen["steps"][1]) == pytest.approx(np.pi / 12, abs=0.002), "it turns along in steps"
+    assert abs(seen["smooth"] - seen["steps"][0]) == pytest.approx(0.4, abs=0.01)
+    assert seen["hidden"] == 2
+    assert seen["left"] == pytest.approx(0.0315, abs=1e-3), "the left eye is to the left of the middle"
+
+
+def test_without_a_headset_keys_and_sliders_grasp_and_turn_the_head(pages, robot: Robot, eye: Eye) -> None:
+    page = pages()
+    click_engage(page, robot)
+    page.keyboard.press("z")
+    page.keyboard.press("c")
+    eventually(lambda: eye.fist("L") > 0.9 and eye.gap("R") < 0.01)
+    assert eye.fist("R") < 0.7, "a pinch is no fist"
+    page.keyboard.press("z")
+    page.keyboard.press("c")
+    eventually(lambda: eye.fist("L") < 0.1 and eye.gap("R") > 0.04)
+    slide = "(slider, value) => { slider.value = value; slider.dispatchEvent(new Event('input')) }"
+    page.locator("[data-field=pinch-left]").evaluate(slide, 1)
+    page.locator("[data-field=neck-yaw]").evaluate(slide, 0.5)
+    eventually(lambda: eye.gap("L") < 0.01 and eye.neck()[0] > 0.4)
