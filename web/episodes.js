@@ -87,8 +87,8 @@ export class Episodes {
       <a class="icon" title="Download" download>${icon("download")}</a><button class="icon" title="Delete">${icon("trash")}</button>`;
     const [play, mark, remove] = item.querySelectorAll("button"), link = item.querySelector("a");
     item.querySelector("b").textContent = name(episode);
-    const notes = [episode.label && when(episode.start), clock(episode.seconds)];
-    notes.push(episode.ended === "truncated" && "cut off", episode.missing && `${episode.missing} ticks missing`);
+    const notes = [clock(episode.seconds), episode.ended === "truncated" && "cut off"];
+    notes.push(episode.missing && `${episode.missing} ticks missing`, episode.label && when(episode.start));
     item.querySelector("small").textContent = notes.filter(Boolean).join(" · ");
     [mark.textContent, mark.title] = MARKS[episode.success];
     mark.addEventListener("click", () => this.#ask("POST", `/${episode.id}/label`, { success: NEXT[episode.success] }));

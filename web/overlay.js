@@ -63,9 +63,9 @@ const MARKUP = `
         <button id="record"><i></i><span>Record</span></button>
       </div>
       <div class="record" id="endings" hidden>
-        <button id="success" class="small" title="Stop: it went well">✓ Success<kbd data-keys="success"></kbd></button>
-        <button id="failure" class="small" title="Stop: it went wrong">✗ Failure<kbd data-keys="failure"></kbd></button>
-        <button id="discard" class="small" title="Stop and forget it">Discard<kbd data-keys="discard"></kbd></button>
+        <button id="success" class="small" title="Stop: it went well">✓ Success</button>
+        <button id="failure" class="small" title="Stop: it went wrong">✗ Failure</button>
+        <button id="discard" class="small" title="Stop and forget it">Discard</button>
       </div>
       <input id="label" type="text" maxlength="200" placeholder="Task, for example: wave with the left hand" aria-label="Task of the episode">
       <label class="check"><input type="checkbox" id="fresh"> Reset after each episode, to another start</label>

@@ -112,6 +112,7 @@ export class Playback {
     const { time, seconds, playing } = stage.playback;
     $("#playback-time").max = seconds;
     if (playing) $("#playback-time").value = time;
+    $("#playback-time").style.setProperty("--share", seconds ? time / seconds : 0);
     text($("#playback-clock"), `${clock(time)} / ${clock(seconds)}`);
     const shown = playing ? "pause" : "play";
     if ($("#playback-toggle").dataset.shows !== shown) {
