@@ -93,8 +93,10 @@ class Program:
         """Record what happens inside; afterwards the list holds its rows (policies.episode.row_dtype)."""
         rows: list[np.ndarray] = []
         id = self.ask("POST", "/api/episodes", {"label": "safety"})["id"]
-        yield rows
-        self.ask("POST", f"/api/episodes/{id}/stop", {})
+        try:
+            yield rows
+        finally:
+            self.ask("POST", f"/api/episodes/{id}/stop", {})
         with tempfile.NamedTemporaryFile(suffix=".mcap") as file:
             file.write(self.ask("GET", f"/api/episodes/{id}/download"))
             file.flush()
@@ -148,6 +150,10 @@ class Operator:
 
         eventually(follows, 30)
 
+    def say(self, text: str) -> None:
+        """Send something else in between."""
+        self._socket.send(text)
+
     def silence(self) -> None:
         """Say nothing any more; the socket stays open."""
         self._going = False
@@ -167,13 +173,17 @@ class Operator:
             thread.join(5)
 
     def _speak(self) -> None:
+        pressed = False
         try:
             while self._going:
                 self._seq += 1
                 twist = {**self.twist, "vx": self.twist["vx"] + 1e-9 * self._seq}
                 lost = self._persistent and self.answers and self.answers[-1]["reason"] == Reason.SILENT.sentence
-                again = {"engage": False} if lost else {}
-                self._socket.send(json.dumps({"seq": self._seq, "twist": twist, **self.fields, **again}))
+                message = {"seq": self._seq, "twist": twist, **self.fields}
+                if lost and pressed:
+                    message["engage"] = False  # and with the next message it presses again
+                pressed = message.get("engage", False)
+                self._socket.send(json.dumps(message))
                 time.sleep(PERIOD)
         except (ConnectionClosed, OSError):
             pass
