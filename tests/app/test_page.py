@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from browser import PICTURES_ON_DEMAND, SOON, VIEW, Another, Robot, best_of_three, click, engage, stopped_within, walk
-from playwright.sync_api import Page
+from browser import SOON, Another, best_of_three, click, engage, stopped_within, walk
 from stand_ins import eventually
 
 from robots import catalog
@@ -152,65 +150,6 @@ def test_a_watcher_drives_nothing_until_it_takes_over(pages, robot):
         eventually(lambda: robot.health["driver"] not in ("Ada", None))
         eventually(lambda: robot.health["state"] == "HOLD", 2)  # until somebody presses Engage again
         engage(page, robot)
-
-
-def test_dragging_a_handle_moves_the_wrist(pages, robot):
-    page = pages(PICTURES_ON_DEMAND)
-    at = robot.health["wrists"]["left"]["actual"]
-    tip = _put_camera_beside(page, robot, at)
-
-    def dragged() -> bool:
-        engage(page, robot)
-        page.evaluate("draw(), (window.drags = [])")
-        page.mouse.move(*tip)
-        page.mouse.down()
-        for step in (10, 20, 30, 40):
-            page.mouse.move(tip[0] + step, tip[1])
-        until = time.monotonic() + 2.0
-        while time.monotonic() < until and not far(robot.health["wrists"]["left"]["target"]):
-            time.sleep(0.02)
-        page.mouse.up()
-        return far(robot.health["wrists"]["left"]["target"])
-
-    def far(pose: dict[str, Any]) -> bool:
-        return pose["position"][0] > at["position"][0] + 0.05
-
-    eventually(dragged, 60)
-    wanted = robot.health["wrists"]["left"]["target"]["position"]
-    assert abs(wanted[1] - at["position"][1]) < 0.02  # along the arrow
-
-    def arrived() -> bool:
-        return np.linalg.norm(np.subtract(robot.health["wrists"]["left"]["actual"]["position"], wanted)) < 0.03
-
-    eventually(arrived, 10)
-    right = robot.health["wrists"]["right"]["target"]["position"]
-    assert np.linalg.norm(np.subtract(right, at["position"] * np.array([1, -1, 1]))) < 0.05
-
-
-def _put_camera_beside(page: Page, robot: Robot, wrist: dict[str, Any]) -> tuple[float, float]:
-    """Look at the left wrist from its left. Returns where the middle of its forward arrow is on the screen."""
-    base, away, fov = robot.health["base"], 0.9, 0.7
-    spot = np.add(wrist["position"], [0, 0, base["z"]])  # the robot stands at the origin and looks along x
-    camera = np.add(spot, [0, away, 0]).tolist()
-    page.locator(".deck").evaluate("deck => (deck.hidden = true)")  # in so small a view the pedals lie over the robot
-    page.evaluate("""() => teleopTap.addEventListener("sent", ({ detail }) => {
-        if (detail.type === "ViewerCameraMessage") window.camera = detail.position;
-        if (detail.type === "TransformControlsUpdateMessage") window.drags?.push(detail.position);
-    })""")
-
-    def beside() -> bool:
-        page.evaluate("draw()")
-        page.evaluate("view => teleopTap.deliver(view)", [
-            {"type": "SetCameraPositionMessage", "position": camera, "initial": False},
-            {"type": "SetCameraLookAtMessage", "look_at": spot.tolist(), "initial": False},
-            {"type": "SetCameraFovMessage", "fov": fov, "initial": False},
-        ])  # fmt: skip
-        page.evaluate("draw()")
-        return np.linalg.norm(np.subtract(page.evaluate("window.camera ?? [0, 0, 0]"), camera)) < 0.01
-
-    eventually(beside, 60)
-    pixels_a_metre = VIEW["height"] / 2 / np.tan(fov / 2) / away
-    return VIEW["width"] / 2 - 0.07 * pixels_a_metre, VIEW["height"] / 2  # x is to the left from there
 
 
 def test_two_pages_drive_a_role_each_and_a_third_watches(pages, robot):
