@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from browser import SOON, Another, best_of_three, click, engage, stopped_within, walk
+from browser import CALM, PICTURES_ON_DEMAND, SOON, VIEW, Another, Robot, best_of_three, click, engage, stopped_within, walk
+from playwright.sync_api import Page
 from stand_ins import eventually
 
 from robots import catalog
@@ -150,6 +152,72 @@ def test_a_watcher_drives_nothing_until_it_takes_over(pages, robot):
         eventually(lambda: robot.health["driver"] not in ("Ada", None))
         eventually(lambda: robot.health["state"] == "HOLD", 2)  # until somebody presses Engage again
         engage(page, robot)
+
+
+def test_dragging_a_handle_moves_the_wrist(pages, robot):
+    page = pages(PICTURES_ON_DEMAND)
+    at = robot.health["wrists"]["left"]["actual"]
+    tip, metre, axis = _put_camera_beside(page, robot, at)
+
+    def dragged() -> bool:
+        page.mouse.move(*np.add(tip, [0, 20]))
+        page.evaluate("draw()")
+        page.mouse.move(*tip)
+        page.evaluate(CALM)  # from here on nothing is drawn: a page that stalls for 200 ms is let go of, rightly
+        engage(page, robot)
+        page.mouse.down()
+        for step in np.linspace(0.01, 0.1, 10):
+            page.mouse.move(*(tip + step * metre))
+            time.sleep(0.06)  # viser tells of a drag 20 times a second
+        eventually(lambda: far(robot.health["wrists"]["left"]["target"]) or robot.health["state"] != "ENGAGED", 2)
+        page.mouse.up()
+        return far(robot.health["wrists"]["left"]["target"])
+
+    def far(pose: dict[str, Any]) -> bool:
+        return np.subtract(pose["position"], at["position"]) @ axis > 0.05
+
+    eventually(dragged, 60)
+    wanted = robot.health["wrists"]["left"]["target"]["position"]
+    moved = np.subtract(wanted, at["position"])
+    assert np.linalg.norm(moved - (moved @ axis) * axis) < 0.02, "along the arrow"
+
+    def arrived() -> bool:
+        return np.linalg.norm(np.subtract(robot.health["wrists"]["left"]["actual"]["position"], wanted)) < 0.03
+
+    eventually(arrived, 10)
+    right = robot.health["wrists"]["right"]["target"]["position"]
+    assert np.linalg.norm(np.subtract(right, at["position"] * np.array([1, -1, 1]))) < 0.05
+
+
+def _put_camera_beside(page: Page, robot: Robot, wrist: dict[str, Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Look at the left wrist from its left.
+
+    Returns on the screen the tip of its forward arrow [2], beyond the arcs that turn it, and a metre along it [2]; then the arrow in the
+    pelvis frame [3].
+    """
+    base, away, fov = robot.health["base"], 0.9, 0.7
+    spot = np.add(wrist["position"], [0, 0, base["z"]])  # the robot stands at the origin and looks along x
+    camera = np.add(spot, [0, away, 0]).tolist()
+    page.locator(".deck").evaluate("deck => (deck.hidden = true)")  # in so small a view the pedals lie over the robot
+    page.evaluate("""() => teleopTap.addEventListener("sent", ({ detail }) => {
+        if (detail.type === "ViewerCameraMessage") window.camera = detail.position;
+    })""")
+
+    def beside() -> bool:
+        page.evaluate("draw()")
+        page.evaluate("view => teleopTap.deliver(view)", [
+            {"type": "SetCameraPositionMessage", "position": camera, "initial": False},
+            {"type": "SetCameraLookAtMessage", "look_at": spot.tolist(), "initial": False},
+            {"type": "SetCameraFovMessage", "fov": fov, "initial": False},
+        ])  # fmt: skip
+        page.evaluate("draw()")
+        return np.linalg.norm(np.subtract(page.evaluate("window.camera ?? [0, 0, 0]"), camera)) < 0.01
+
+    eventually(beside, 60)
+    axis, pixels_a_metre = np.empty(3), VIEW["height"] / 2 / np.tan(fov / 2) / away
+    mujoco.mju_rotVecQuat(axis, np.array([1.0, 0.0, 0.0]), np.array(wrist["quaternion"]))
+    metre = -pixels_a_metre * axis[[0, 2]]  # x is to the left from there, z up
+    return np.array([VIEW["width"], VIEW["height"]]) / 2 + 0.145 * metre, metre, axis
 
 
 def test_two_pages_drive_a_role_each_and_a_third_watches(pages, robot):
