@@ -38,6 +38,8 @@ REACH = 0.10
 """Half-width of the wrists' figure [m]."""
 STILL = 2.0
 """Wrists stand still for the last seconds of `stand`, so that their error can be read."""
+STILL_AT = 2.0
+"""Where on the figure [s]."""
 
 
 @dataclass(frozen=True)
@@ -163,8 +165,8 @@ def _phase(now: float) -> tuple[str, float, tuple[float, float, float]]:
 
 
 def _figure(home: dict, now: float, side: str, still: bool) -> dict:
-    """A wrist pose on a figure of eight around home; still targets stay where the figure was a whole second ago."""
-    angle = 2 * math.pi * (math.floor(now / 2) * 2 if still else now) / 5 + (0 if side == "left" else math.pi / 2)
+    """A wrist pose on a figure of eight around home; still targets are a point of it that both arms reach as they are turned."""
+    angle = 2 * math.pi * (STILL_AT if still else now) / 5 + (0 if side == "left" else math.pi / 2)
     x, y, z = home["position"]
     offset = (REACH * math.sin(angle), 0.5 * REACH * math.sin(2 * angle), REACH * (1 + math.cos(angle)))
     return {"position": [x + offset[0], y + offset[1], z + offset[2]], "quaternion": home["quaternion"]}
