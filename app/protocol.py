@@ -367,7 +367,6 @@ class HeadsetPacket(Wire):
 def headset_packet() -> HeadsetPacket:
     """The layout of HEADSET."""
     fields = []
-    for name in HEADSET.names or ():
-        kind, offset = HEADSET.fields[name][:2]
+    for name, (kind, offset, *_) in (HEADSET.fields or {}).items():
         fields.append(PacketField(name=name, type=kind.base.str[1:], offset=offset, count=int(np.prod(kind.shape, dtype=int))))
     return HeadsetPacket(fields=tuple(fields))

@@ -75,12 +75,12 @@ def drive(robot: Robot, policy: str, clips: ClipSet, config: FallsBench) -> dict
     fleet.reset(everyone)
     goal, asked, left = np.zeros((n, 4)), np.tile([0, 0, 0, robot.spec.nominal_height], (n, 1)), np.zeros(n)
     goal[:, 3] = robot.spec.nominal_height
-    limits = np.vstack([COMMANDS, HEIGHTS]).T
+    low, high = np.vstack([COMMANDS, HEIGHTS]).T
     state, falls, metres = fleet.state(), 0, 0.0
     for _ in track(range(round(3600 * config.hours / n / dt)), f"driving {Path(policy).stem}", transient=True):
         left -= dt
         new = left <= 0
-        goal[new] = rng.uniform(*limits, (int(new.sum()), 4))
+        goal[new] = rng.uniform(low, high, (int(new.sum()), 4))
         goal[new & (rng.random(n) < STAND), :3] = 0
         left[new] = rng.uniform(2, 8, int(new.sum()))
         asked += np.clip(goal - asked, -RAMP * dt, RAMP * dt)

@@ -55,18 +55,17 @@ def run(config: WristsBench) -> dict:
     rows = [follower.play(clip) for clip in track(clips, "following", transient=True)]
     errors = np.concatenate([row for row, _ in rows])
     names = ("joint targets", "operator's targets")
-    record = {name: _figures(errors[:, i]) for i, name in enumerate(names)}
-    record |= {"clips": len(clips), "fell": sum(fell for _, fell in rows), "minutes": len(errors) / 3000, "commit": commit()}
+    figures = {name: _figures(errors[:, i]) for i, name in enumerate(names)}
+    record: dict = figures | {"clips": len(clips), "fell": sum(fell for _, fell in rows), "minutes": len(errors) / 3000, "commit": commit()}
     record["policy"] = config.policy
     table = Table(title=f"wrists over {record['minutes']:.1f} minutes of walking, {record['fell']} of {len(clips)} fell", caption=PAPER)
     columns = "measured against", "mean mm", "p95 mm", "mean °", "p95 °", "x y z: absolute mm", "signed mm", "absolute °", "signed °"
     for column in columns:
         table.add_column(column, justify="left" if column == columns[0] else "right")
-    for name in names:
-        figures = record[name]
-        sizes = (f"{figures[key]:.1f}" for key in ("mm", "mm_p95", "degrees", "degrees_p95"))
+    for name, values in figures.items():
+        sizes = (f"{values[key]:.1f}" for key in ("mm", "mm_p95", "degrees", "degrees_p95"))
         axes = ("absolute_mm", "signed_mm", "absolute_degrees", "signed_degrees")
-        table.add_row(name, *sizes, *(" ".join(f"{x:.1f}" for x in figures[axis]) for axis in axes))
+        table.add_row(name, *sizes, *(" ".join(f"{x:.1f}" for x in values[axis]) for axis in axes))
     Console(width=150).print(table)
     if config.json:
         config.json.write_text(json.dumps(record, indent=1) + "\n")
