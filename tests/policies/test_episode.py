@@ -16,7 +16,7 @@ def metadata() -> Metadata:
 
 def test_a_row_is_packed_and_little_endian():
     dtype = metadata().dtype
-    assert dtype.itemsize == 8 * (3 + 633 + 41 + 2 * SIZE) + 4 * (98 + 64 + 12 + 6) + 3
+    assert dtype.itemsize == 8 * (3 + 633 + 41 + 2 * SIZE) + 4 * (98 + 64 + 12 + 6) + 4
     assert all(kind[0] in "<|" for _, kind, *_ in dtype.descr)
 
 
