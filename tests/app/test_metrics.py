@@ -18,7 +18,14 @@ from app.simulation import Simulation
 @pytest.fixture
 def read(simulation: Simulation):
     """Reads it: (metric, label value) -> number."""
-    telemetry = Telemetry(Names("h1", ("none",), 50.0), simulation, Operators(simulation.exchange.commands, simulation.applied))
+    operators = Operators(simulation.exchange.commands, simulation.applied)
+    telemetry = Telemetry(Names("h1", ("none",), 50.0), simulation, operators)
+
+    def stopped() -> bool:  # whatever another test left behind
+        operators.stop()
+        return telemetry.health().state == "STOPPED"
+
+    eventually(stopped)
     app = FastAPI()
     app.include_router(metrics.router(telemetry.health, lambda: simulation.pid))
     (endpoint,) = [route.endpoint for route in app.routes[-1].effective_candidates()]

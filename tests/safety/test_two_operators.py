@@ -37,7 +37,8 @@ def test_a_take_over_passes_through_hold_and_never_mixes_two_operators(program: 
     nobody = ~raw.any(axis=1)
     assert (of_ada | of_bo | nobody).all(), "one writer in every tick"
     handed_over = int(np.flatnonzero(of_bo)[0])
-    assert not of_ada[handed_over:].any()
+    stopped = handed_over + int(np.flatnonzero(rows["mode"][handed_over:] == 0)[0])
+    assert not of_ada[handed_over:stopped].any()  # later Bo leaves, and the lease is free for Ada again
     first_of_bo = handed_over + int(np.flatnonzero(engaged[handed_over:])[0])
     between = rows["mode"][handed_over:first_of_bo]
     assert (between == 1).all()
