@@ -1,4 +1,4 @@
-"""Makes the stand-ins of this folder importable, in spawned processes too; one simulation process for all tests."""
+"""Makes the stand-ins of this folder importable, in spawned processes too; one simulation process for the tests of a file."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shared_simulation() -> Iterator[Simulation]:
-    """A hanging robot in a process of its own."""
+    """A hanging robot in a process of its own, for the tests of one file: each file's operators count their presses from 1."""
     running = Simulation(Hanging())
     running.start()
     running.wait()
