@@ -11,7 +11,7 @@ import numpy as np
 
 from policies import command
 
-FORMAT = 1
+FORMAT = 2
 """Version of the file layout. A reader refuses another one instead of guessing."""
 
 STAGES = ("queue", "ik", "policy", "physics", "publish", "lateness")

@@ -13,10 +13,11 @@ from rich.table import Table
 
 from policies import checkpoint
 from policies.bench.motions import motions
-from policies.bench.tracking import COMMANDS, FALLEN, HEIGHTS
+from policies.bench.tracking import COMMANDS, fallen
 from policies.commit import commit
 from policies.motion.clip import ClipSet
 from policies.motion.playback import Playback
+from policies.ppo.env import HEIGHTS
 from policies.walk import Walk
 from robots import catalog
 from robots.batch import Fleet
@@ -87,12 +88,12 @@ def drive(robot: Robot, policy: str, clips: ClipSet, config: FallsBench) -> dict
         upper, posture = playback.step(), np.column_stack([asked[:, 3], np.zeros((n, 2))])
         state = fleet.step(np.concatenate([walk.act(state, asked[:, :3], posture, upper), upper], -1))
         metres += float(np.linalg.norm(state.velocity[:, :2], axis=-1).sum()) * dt
-        fallen = (-state.gravity[:, 2] < FALLEN) | (state.position[:, 2] < 0.5 * robot.spec.nominal_height) | ~fleet.finite
-        if fallen.any():
-            falls += int(fallen.sum())
-            fleet.reset(fallen)
-            playback.reset(fallen, fallen)
-            walk.reset(np.tile(playback.home, (n, 1)), fallen)
-            asked[fallen], left[fallen] = [0, 0, 0, robot.spec.nominal_height], 0
+        down = fallen(state, fleet)
+        if down.any():
+            falls += int(down.sum())
+            fleet.reset(down)
+            playback.reset(down, down)
+            walk.reset(np.tile(playback.home, (n, 1)), down)
+            asked[down], left[down] = [0, 0, 0, robot.spec.nominal_height], 0
             state = fleet.state()
     return {"falls": falls, "falls_per_hour": falls / config.hours, "kilometres": metres / 1000}

@@ -14,6 +14,7 @@ import numpy as np
 from policies.bench.key_points import KeyPoints
 from policies.motion.clip import Clip, ClipSet
 from policies.observation import ACTION_SCALE
+from policies.ppo.env import HEIGHTS, Stage
 from policies.walk import Walk
 from robots.batch import Fleet
 from robots.catalog import Robot
@@ -21,10 +22,9 @@ from robots.state import State
 
 LONGEST = 20.0
 """s"""
-COMMANDS = np.array([[-0.6, 1.0], [-0.4, 0.4], [-1.0, 1.0]])
+_TRAINED = Stage("every command that is trained", 0)
+COMMANDS = np.array([_TRAINED.vx, (-_TRAINED.vy, _TRAINED.vy), (-_TRAINED.yaw, _TRAINED.yaw)])
 """Trained range of vx, vy [m/s] and yaw rate [rad/s]."""
-HEIGHTS = (0.82, 1.02)
-"""Trained range of the pelvis height [m]."""
 PUSH_EVERY = 5.0
 """s"""
 FALLEN = np.cos(np.radians(60))
@@ -146,8 +146,7 @@ class _Tracking:
         legs = self._walk.act(before, twist, posture, q)
         self._state = state = self._fleet.step(np.concatenate([legs, q], -1))
         counted = self._alive & (tick < self._lengths)
-        fallen = (-state.gravity[:, 2] < FALLEN) | (state.position[:, 2] < 0.5 * self._spec.nominal_height) | ~self._fleet.finite
-        self._alive &= ~(fallen & counted)
+        self._alive &= ~(fallen(state, self._fleet) & counted)
         now = counted & self._alive
         if now.any():
             self._add(now, before, state, tick)
@@ -195,6 +194,11 @@ class _Tracking:
         """What came of it."""
         counts = np.maximum(self._counts, 1)
         return Score(self._alive.copy(), {name: total / counts for name, total in self._sums.items()}, self._clipped)
+
+
+def fallen(state: State, fleet: Fleet) -> np.ndarray:
+    """Which robots lie, or fly apart [n]."""
+    return (-state.gravity[:, 2] < FALLEN) | (state.position[:, 2] < 0.5 * fleet.spec.nominal_height) | ~fleet.finite
 
 
 def _padded(rows: list[np.ndarray], ticks: int) -> np.ndarray:

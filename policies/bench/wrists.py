@@ -17,10 +17,11 @@ from rich.table import Table
 
 from policies.arm_model import ArmModel
 from policies.bench.motions import motions
-from policies.bench.tracking import COMMANDS, FALLEN, HEIGHTS, LONGEST
+from policies.bench.tracking import COMMANDS, FALLEN, LONGEST
 from policies.command import Command
 from policies.commit import commit
 from policies.motion.clip import Clip
+from policies.ppo.env import HEIGHTS
 from policies.whole_body import WholeBody
 from robots import catalog
 from robots.catalog import Robot

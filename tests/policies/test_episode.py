@@ -36,7 +36,7 @@ def test_metadata_survives_json():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"format": 2}, "format 2"),
+        ({"format": 1}, "format 1"),
         ({"dtype": [["tick", "<u8"]]}, "incomplete"),
         ({"dtype": [*metadata().dtype.descr, ("extra", "<f8")]}, "unknown layout"),
         ({"dtype": 7}, "incomplete"),
