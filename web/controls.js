@@ -3,7 +3,6 @@
 import { label } from "./keys.js";
 import { ROLES } from "./roles.js";
 
-const DIRECTIONS = new Set(["forward", "back", "left", "right", "turn-left", "turn-right"]);
 const FIELDS = { legs: ["height", "roll", "pitch"], arms: ["waist", "grip-left", "grip-right", "neck-yaw", "neck-pitch"] };
 const HINT_MS = 4000;
 const DEGREES = 180 / Math.PI;
@@ -17,8 +16,7 @@ export class Controls {
     Object.assign(this, { $, pilot, keys, pads, actions });
     this.#engage();
     this.#pedals();
-    devices.forEach((device) => this.#device(device));
-    pads.addEventListener("gone", () => pilot.letGo());
+    devices.forEach((device) => pilot.listen(device, actions));
     this.#sliders();
     this.#safety();
     pilot.addEventListener("refused", ({ detail }) => this.hint(detail, true));
@@ -78,22 +76,6 @@ export class Controls {
       pedal.addEventListener("pointercancel", () => this.pilot.letGo());
       pedal.addEventListener("contextmenu", (event) => event.preventDefault());
     }
-  }
-
-  #device(device) {
-    const { pilot, actions } = this;
-    device.addEventListener("down", ({ detail: { action, code, amount } }) => {
-      if (DIRECTIONS.has(action)) pilot.hold(code, action, amount);
-      else if (action === "engage") pilot.press();
-      else if (action === "fast") pilot.setFast(true);
-      else actions[action]?.();
-    });
-    device.addEventListener("move", ({ detail: { code, amount } }) => pilot.adjust(code, amount));
-    device.addEventListener("up", ({ detail: { action, code } }) => {
-      if (DIRECTIONS.has(action)) pilot.drop(code);
-      else if (action === "engage") pilot.release();
-      else if (action === "fast") pilot.setFast(false);
-    });
   }
 
   #sliders() {

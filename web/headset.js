@@ -21,7 +21,6 @@ import { Tracker } from "./tracker.js";
 
 const PERIOD_MS = 1000 / 60; // of packets
 const VIEWS = ["behind", "eyes", "none"];
-const DIRECTIONS = new Set(["forward", "back", "left", "right", "turn-left", "turn-right"]);
 const DOT = 0.006; // radius of a joint of the person's own hands [m]
 const HEARTBEAT_MS = 50; // timers may rest while a headset shows a session; its frames then send what the timer would
 const PAIR = { width: 640, height: 480 }; // of each picture of a stereo pair
@@ -69,21 +68,7 @@ const board = new Board([
   { label: () => "Leave", press: () => immersion.leave() },
 ]);
 
-for (const device of [new Keys(), new Pads()]) {
-  device.addEventListener("down", ({ detail: { action, code, amount } }) => {
-    if (DIRECTIONS.has(action)) pilot.hold(code, action, amount);
-    else if (action === "engage") pilot.press();
-    else if (action === "fast") pilot.setFast(true);
-    else actions[action]?.();
-  });
-  device.addEventListener("move", ({ detail: { code, amount } }) => pilot.adjust(code, amount));
-  device.addEventListener("up", ({ detail: { action, code } }) => {
-    if (DIRECTIONS.has(action)) pilot.drop(code);
-    else if (action === "engage") pilot.release();
-    else if (action === "fast") pilot.setFast(false);
-  });
-  device.addEventListener("gone", () => pilot.letGo());
-}
+for (const device of [new Keys(), new Pads()]) pilot.listen(device, actions);
 $("engage").addEventListener("click", engage);
 $("stop").addEventListener("pointerdown", stop);
 $("recentre").addEventListener("click", () => immersion.recentre());

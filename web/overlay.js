@@ -88,7 +88,7 @@ const MARKUP = `
       ${slider("neck-yaw", "Head turn", -1.2, 1.2, 0.02, 0, "°")}
       ${slider("neck-pitch", "Head down", -0.6, 1.1, 0.02, 0.3, "°")}
       <label class="check"><input type="checkbox" id="gaze"> The head looks at the hands</label>
-      <p><a href="/xr">With a headset</a></p>
+      <p class="check"><a href="/xr">Drive with a headset</a></p>
     </details>
     <details><summary>Driving</summary>
       <label class="choice" id="legs" hidden><span>Legs</span><select></select></label>

@@ -6,6 +6,8 @@ const FASTER = 1.8; // while "fast" is held
 const TAP_MS = 350; // a shorter press of a latching Engage keeps it pressed
 const PATIENCE_MS = 1500; // for the robot to follow a press of Engage
 
+const DIRECTIONS = new Set(["forward", "back", "left", "right", "turn-left", "turn-right"]);
+
 const stored = (name, otherwise) => Number(localStorage.getItem(`teleop ${name}`)) || otherwise;
 
 export class Pilot extends EventTarget {
@@ -23,6 +25,23 @@ export class Pilot extends EventTarget {
   constructor(roles) {
     super();
     this.roles = roles;
+  }
+
+  // Do what a device (keys.js, pads.js) says; actions: what else a key may do, a function each.
+  listen(device, actions) {
+    device.addEventListener("down", ({ detail: { action, code, amount } }) => {
+      if (DIRECTIONS.has(action)) this.hold(code, action, amount);
+      else if (action === "engage") this.press();
+      else if (action === "fast") this.setFast(true);
+      else actions[action]?.();
+    });
+    device.addEventListener("move", ({ detail: { code, amount } }) => this.adjust(code, amount));
+    device.addEventListener("up", ({ detail: { action, code } }) => {
+      if (DIRECTIONS.has(action)) this.drop(code);
+      else if (action === "engage") this.release();
+      else if (action === "fast") this.setFast(false);
+    });
+    device.addEventListener("gone", () => this.letGo());
   }
 
   // ---- the enable
