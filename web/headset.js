@@ -94,7 +94,7 @@ function setArms(follow) {
 function measure() {
   pilot.letGo();
   measured = new Swing(performance.now());
-  note = "Swing both arms, straight, up and to the sides";
+  note = "Stretch both arms, then swing them straight, up and to the sides";
 }
 
 function takeMeasure() {

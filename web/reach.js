@@ -1,5 +1,6 @@
 // How long the operator's arm is: a straight arm that swings about keeps its wrist on a sphere around the shoulder.
 
+const STRETCH_MS = 2000; // from the button to a straight arm
 const SWING_MS = 6000;
 const LEAST = 40; // frames
 const SPREAD = 0.15; // standard deviation of the wrist's way along its two widest directions, at least [m]
@@ -47,13 +48,14 @@ export class Swing {
   #arms = [new Reach(), new Reach()];
 
   constructor(now) {
-    this.until = now + SWING_MS;
+    this.from = now + STRETCH_MS;
+    this.until = this.from + SWING_MS;
   }
 
   // wrists: positions in this frame, left and right, or null. Returns null while it goes on; then {arm}, of the arms that could be
   // measured, or {why}.
   take(wrists, now) {
-    wrists.forEach((wrist, side) => wrist && this.#arms[side].add(wrist));
+    if (now > this.from) wrists.forEach((wrist, side) => wrist && this.#arms[side].add(wrist));
     if (now < this.until) return null;
     const found = this.#arms.map((arm) => arm.measure()), lengths = found.map(({ arm }) => arm).filter(Boolean);
     return lengths.length ? { arm: lengths.reduce((sum, arm) => sum + arm, 0) / lengths.length } : found[0];

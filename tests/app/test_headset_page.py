@@ -206,6 +206,42 @@ def test_controllers_grip_clutch_walk_and_engage(headset: Page, robot: Robot, ey
     eventually(lambda: robot.health["state"] == "STOPPED", 3)
 
 
+MEASURE = """async () => {
+  const { Board } = await import("/web/board.js"), { apply } = await import("/web/matrix.js");
+  const real = XRFrame.prototype.getJointPose;
+  let wrist, tip; // of the left hand, as the page sees them
+  XRFrame.prototype.getJointPose = function (joint, ...rest) {
+    const pose = real.call(this, joint, ...rest), at = pose?.transform.position;
+    if (at && at.x < 0 && joint.jointName === "wrist") wrist = at;
+    if (at && at.x < 0 && joint.jointName === "index-finger-tip") tip = at;
+    return pose;
+  };
+  const frames = async (count) => { while (count--) await new Promise(requestAnimationFrame); };
+  const board = new Board([]), { x, y, z } = device.position;
+  board.recentre({ position: { x, y, z }, orientation: { x: 0, y: 0, z: 0, w: 1 } });
+  const touch = async (height) => { // the second button of the lower row
+    const to = apply(board.place, [-0.045, -0.055, height]), at = device.hands.left.position;
+    place("left", at.x + to[0] - tip.x, at.y + to[1] - tip.y, at.z + to[2] - tip.z);
+    await frames(8);
+  };
+  await frames(8);
+  for (const height of [0.15, 0.15, 0.06, 0.004, 0.06]) await touch(height);
+  const hand = device.hands.left.position, off = [hand.x - wrist.x, hand.y - wrist.y, hand.z - wrist.z], begin = performance.now();
+  while (performance.now() - begin < 8500) { // a straight arm of 0.62 m swings about the shoulder, sideways and up
+    const way = (performance.now() - begin) / 1000, side = 0.7 + 0.6 * Math.sin(2 * way), up = 0.5 + 0.5 * Math.sin(0.9 * way);
+    const to = [-0.2 - 0.62 * Math.sin(side) * Math.cos(up), 1.45 + 0.62 * Math.sin(up), -0.62 * Math.cos(side) * Math.cos(up)];
+    place("left", ...to.map((v, i) => v + off[i]));
+    await frames(1);
+  }
+  return Number(document.querySelector("#arm").value);
+}"""
+
+
+def test_the_operators_arm_is_measured_by_a_button_on_the_board_and_a_swing(headset: Page) -> None:
+    assert headset.evaluate("Number(document.querySelector('#arm').value)") == 0.56
+    assert headset.evaluate(MEASURE) == pytest.approx(0.62, abs=0.01)
+
+
 def test_sixty_packets_a_second_and_none_waits(headset: Page, robot: Robot) -> None:
     """The best second of ten: machines that run tests are busy."""
     said = []
