@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import safetensors
 
 from policies.errors import DamagedWeights, UnknownPolicy, WrongWeights
 
 if TYPE_CHECKING:
+    import numpy as np
     from torch import Tensor
 
-# safetensors.torch is imported where tensors are handled: the web process looks names up and never loads torch
+# safetensors.torch is imported where tensors are handled: the web process never loads torch
 
 SHIPPED = Path(__file__).parent / "weights"
 
@@ -61,14 +65,38 @@ def load(path: Path, expect: dict[str, object]) -> tuple[dict[str, Tensor], dict
     """
     import safetensors.torch
 
+    return _load(path, expect, safetensors.torch.load_file)
+
+
+def load_arrays(path: Path, expect: dict[str, object]) -> tuple[dict[str, np.ndarray], dict]:
+    """The same as numpy arrays, without torch."""
+    import safetensors.numpy
+
+    return _load(path, expect, safetensors.numpy.load_file)
+
+
+def card(path: Path) -> dict:
+    """What the weights are.
+
+    Raises:
+        DamagedWeights: the card cannot be read.
+    """
     try:
-        card = json.loads(path.with_suffix(".json").read_text())
-        tensors = safetensors.torch.load_file(path)
-        if not isinstance(card, dict):
+        told = json.loads(path.with_suffix(".json").read_text())
+        if not isinstance(told, dict):
             raise ValueError("its card is no JSON object")
-    except (OSError, ValueError, RecursionError, safetensors.SafetensorError) as error:
+    except (OSError, ValueError, RecursionError) as error:
+        raise DamagedWeights(path, str(error)) from error
+    return told
+
+
+def _load(path: Path, expect: dict[str, object], read: Callable[[Path], dict[str, Any]]) -> tuple[dict[str, Any], dict]:
+    told = card(path)
+    try:
+        tensors = read(path)
+    except (OSError, ValueError, safetensors.SafetensorError) as error:
         raise DamagedWeights(path, str(error)) from error
     for field, wanted in expect.items():
-        if card.get(field) != wanted:
-            raise WrongWeights(path, field, card.get(field), wanted)
-    return tensors, card
+        if told.get(field) != wanted:
+            raise WrongWeights(path, field, told.get(field), wanted)
+    return tensors, told

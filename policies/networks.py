@@ -11,7 +11,6 @@ import math
 from itertools import pairwise
 from typing import cast
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -25,17 +24,8 @@ class Parity(nn.Module):
 
     def __init__(self, mirror: Mirror) -> None:
         super().__init__()
-        p, s = mirror.permutation, mirror.sign
-        i = np.arange(len(p))
-        pair, fixed = i[i < p], i[i == p]
-        self.even, self.odd = len(pair) + int((s[fixed] > 0).sum()), len(pair) + int((s[fixed] < 0).sum())
-        rows = np.zeros((len(p), len(p)))
-        at = np.arange(len(pair))
-        rows[at, pair], rows[at, p[pair]] = _HALF, _HALF * s[pair]
-        plus, minus = fixed[s[fixed] > 0], fixed[s[fixed] < 0]
-        rows[len(pair) + np.arange(len(plus)), plus] = 1
-        rows[self.even + at, pair], rows[self.even + at, p[pair]] = _HALF, -_HALF * s[pair]
-        rows[self.even + len(pair) + np.arange(len(minus)), minus] = 1
+        rows, self.even = mirror.parity()
+        self.odd = len(rows) - self.even
         self.register_buffer("basis", torch.tensor(rows, dtype=torch.float32), persistent=False)
         self.basis: Tensor
 

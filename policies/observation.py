@@ -31,6 +31,20 @@ class Mirror:
     def __call__(self, x: np.ndarray) -> np.ndarray:
         return x[..., self.permutation] * self.sign
 
+    def parity(self) -> tuple[np.ndarray, int]:
+        """Orthonormal basis [size, size] in which x is an even part, unchanged by the mirror, then an odd part, negated; and the even
+        part's size."""
+        p, s, i = self.permutation, self.sign, np.arange(len(self.permutation))
+        pair, fixed = i[i < p], i[i == p]
+        plus, minus = fixed[s[fixed] > 0], fixed[s[fixed] < 0]
+        even, half = len(pair) + len(plus), np.sqrt(0.5)
+        rows, at = np.zeros((len(p), len(p))), np.arange(len(pair))
+        rows[at, pair], rows[at, p[pair]] = half, half * s[pair]
+        rows[len(pair) + np.arange(len(plus)), plus] = 1
+        rows[even + at, pair], rows[even + at, p[pair]] = half, -half * s[pair]
+        rows[even + len(pair) + np.arange(len(minus)), minus] = 1
+        return rows, even
+
     @staticmethod
     def stack(parts: list[Mirror]) -> Mirror:
         """The mirror of a vector made of parts laid end to end."""

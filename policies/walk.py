@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
@@ -14,6 +15,7 @@ from policies.networks import Actor
 from policies.observation import LATENT, Mirror, Observer, action_mirror, layout, leg_targets
 from policies.prior.latent import Latent
 from policies.prior.prior import Prior
+from policies.single import SingleActor
 from policies.stance import Stance
 from robots.catalog import Robot
 from robots.spec import RobotSpec
@@ -24,7 +26,8 @@ from robots.state import State
 class _Learnt:
     """One set of weights."""
 
-    actor: Actor
+    actor: Callable[[np.ndarray], np.ndarray]
+    """Observations [count, size] -> actions [count, 12]."""
     prior: str | None
     card: dict
 
@@ -42,7 +45,7 @@ class Walk:
         self.observer = Observer(robot.spec, count)
         self._stance = Stance(robot)
         self.gait = Gait(count, 1 / robot.spec.policy_rate)
-        self._learnt = [_load(robot.spec, each, self.observer.size) for each in (name, *others)]
+        self._learnt = [_load(robot.spec, each, self.observer.size, count) for each in (name, *others)]
         priors = {learnt.prior for learnt in self._learnt}
         self._latents = {prior: Latent(robot.spec, Prior.load(prior, robot.spec) if prior else None, count) for prior in priors}
         self.chosen = 0
@@ -73,7 +76,6 @@ class Walk:
         if 0 <= index < len(self._learnt):
             self.chosen = index
 
-    @torch.inference_mode()
     def act(self, state: State, twist: np.ndarray, posture: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """Leg joint targets [count, 12], rad.
 
@@ -87,12 +89,22 @@ class Walk:
         self.gait.step(state, twist)
         stance = self._stance(posture)
         self.observation = self.observer.observe(state, self.gait, twist, posture, stance, self.action, self.latent)
-        self.action = learnt.actor(torch.from_numpy(self.observation)).numpy()
+        self.action = learnt.actor(self.observation)
         return leg_targets(self._spec, stance, self.action)
 
 
-def _load(spec: RobotSpec, name: str, observation: int) -> _Learnt:
-    tensors, card = checkpoint.load(checkpoint.find(name, "walk"), {"kind": "walk", "robot": spec.name, "observation": observation})
-    actor = Actor(Mirror.stack(list(layout(spec).values())), action_mirror(spec))
+def _load(spec: RobotSpec, name: str, observation: int, count: int) -> _Learnt:
+    path, expect = checkpoint.find(name, "walk"), {"kind": "walk", "robot": spec.name, "observation": observation}
+    mirrors = Mirror.stack(list(layout(spec).values())), action_mirror(spec)
+    tensors, card = checkpoint.load(path, expect)
+    actor = Actor(*mirrors)
     actor.load_state_dict(tensors)
-    return _Learnt(actor.eval(), card["prior"], card)
+    if count > 1:
+        return _Learnt(partial(_run, actor.eval()), card["prior"], card)
+    single = SingleActor({name: tensor.numpy() for name, tensor in tensors.items()}, *mirrors)
+    return _Learnt(lambda observation: single(observation[0])[None], card["prior"], card)
+
+
+@torch.inference_mode()
+def _run(actor: Actor, observation: np.ndarray) -> np.ndarray:
+    return actor(torch.from_numpy(observation)).numpy()

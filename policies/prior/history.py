@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from policies.prior.model import WINDOW
+WINDOW = 50
+"""Frames of the past that the prior sees, and of the future that it expects: one second on the H1."""
 
 
 class History:

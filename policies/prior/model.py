@@ -18,10 +18,9 @@ from torch import Tensor, nn
 
 from policies.networks import MirrorMLP, Parity
 from policies.observation import LATENT, joint_mirror
+from policies.prior.history import WINDOW
 from robots.spec import RobotSpec
 
-WINDOW = 50
-"""Frames of M0 and of M1: one second on the H1."""
 _HALF = math.sqrt(0.5)
 
 

@@ -19,8 +19,9 @@ from policies.commit import commit
 from policies.motion.clip import ClipSet
 from policies.prior.errors import NoClips, OtherTraining
 from policies.prior.evaluate import judge
-from policies.prior.model import WINDOW, PriorModel, Shape
-from policies.prior.prior import KIND
+from policies.prior.history import WINDOW
+from policies.prior.model import PriorModel, Shape
+from policies.prior.single import KIND
 from policies.prior.windows import Variation, Windows
 from robots import catalog
 

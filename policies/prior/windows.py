@@ -10,7 +10,7 @@ from torch import Tensor
 
 from policies.motion.clip import ClipSet
 from policies.prior.errors import NoClips
-from policies.prior.model import WINDOW
+from policies.prior.history import WINDOW
 
 
 @dataclass(frozen=True)

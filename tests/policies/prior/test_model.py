@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from policies.motion.clip import Clip, ClipSet
-from policies.prior.history import History
-from policies.prior.model import WINDOW, Curves, Gaussian, PriorModel
+from policies.prior.history import WINDOW, History
+from policies.prior.model import Curves, Gaussian, PriorModel
 from policies.prior.prior import Prior
 from policies.prior.train import Terms, elbo
 from policies.prior.windows import Variation, Windows
