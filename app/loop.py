@@ -70,4 +70,4 @@ class Loop:
 def _layout(plant: Plant, policy: TracedPolicy) -> Layout:
     trace, model = policy.trace, plant.model
     sizes = (trace.observation.size, trace.latent.size, trace.action.size)
-    return Layout(model.nq, row_dtype(model.nu, plant.save().size, *sizes))
+    return Layout(model.nq, trace.reached.q.size, row_dtype(model.nu, plant.save().size, *sizes))

@@ -79,6 +79,7 @@ class Publisher:
         snapshot["modes"], snapshot["reasons"] = guard.modes, guard.reasons
         asks = guard.modes[ROLES.index("arms")] == Mode.ENGAGED
         snapshot["target"] = np.where(asks & tick.ask.given[:, None], guard.asked.wrists, applied)
+        snapshot["upper"] = tick.trace.reached.q
         snapshot["reachable"], snapshot["limited_by"] = tick.trace.reached.reachable, tick.trace.reached.reasons
         snapshot["actual"] = self._physics.wrists()
         snapshot["let_go"], snapshot["filter"] = guard.limiter.let_go, guard.limiter.delay * 1e3

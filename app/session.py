@@ -21,7 +21,7 @@ from app.inputs.replay import Replay
 from app.inputs.source import Source
 from app.inputs.webxr import Headsets
 from app.mode import Reason
-from app.outputs import metrics
+from app.outputs import forecast, metrics
 from app.outputs.tape import RecordingError
 from app.outputs.telemetry import Names, Telemetry
 from app.page import Page
@@ -82,6 +82,8 @@ class Session:
         self.operators = Operators(exchange.commands, self.simulation.applied)
         description = ThreadPoolExecutor(1).submit(self._describe)  # ready before the first episode
         self.episodes = episodes.Episodes(config.recordings, description.result, exchange.rows)
+        priors = [checkpoint.card(checkpoint.find(name, "walk"))["prior"] for name in (str(self._weights), *others)]
+        self._forecaster = forecast.Forecaster(self._robot, self.policies, priors, exchange.snapshots)
         names = Names(config.robot, self.policies, self._robot.spec.policy_rate)
         self._telemetry = Telemetry(names, self.simulation, self.operators)
         self._feeds = [Feed(source, self.operators, self.simulation.applied) for source in sources]
@@ -92,7 +94,7 @@ class Session:
         """The site."""
         told = metrics.router(self.health, lambda: self.simulation.pid)
         routers = [*self._page.routers, episodes.router(self.episodes), invite.router(self._token), told]
-        routers.append(legs.router(self.choose, self.operators))
+        routers += legs.router(self.choose, self.operators), forecast.router(self._forecaster.now)
         return create_app(self.health, self.operators, self.reset, self._host, routers, self._names, self._token, self._headsets.join)
 
     def play(self, clip: Clip, speed: float) -> Motion:

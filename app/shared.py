@@ -34,11 +34,12 @@ COMMAND = np.dtype(
 """What the web process asks."""
 
 
-def snapshot_dtype(nq: int) -> np.dtype:
+def snapshot_dtype(nq: int, upper: int) -> np.dtype:
     """What the simulation publishes after each tick. Poses: position [m] and quaternion wxyz, in the pelvis frame.
 
     Args:
         nq: length of the play model's qpos.
+        upper: joints of waist and arms.
     """
     return np.dtype(
         [
@@ -51,6 +52,7 @@ def snapshot_dtype(nq: int) -> np.dtype:
             ("target", "<f8", (2, 7)),  # wrists as asked for (left, right); as applied where nobody asks
             ("reachable", "<f8", (2, 7)),  # the nearest pose that the arm can take
             ("actual", "<f8", (2, 7)),  # where the wrists are
+            ("upper", "<f4", (upper,)),  # where waist and arms are told to go, as the motion prior sees it [rad]
             ("limited_by", "S12", (2,)),  # why reachable is not target: policies.reach.Reached.reasons
             ("let_go", "u1", (2,)),  # 1: this wrist's target jumped and the arm holds
             ("latency", "<f4", (6,)),  # ms, policies.episode.STAGES
@@ -74,6 +76,8 @@ class Layout:
 
     nq: int
     """Length of the play model's qpos."""
+    upper: int
+    """Joints of waist and arms."""
     row: np.dtype
     """policies.episode.row_dtype of this robot and policy."""
 
@@ -174,7 +178,7 @@ class Exchange:
     """The three rings between the two processes."""
 
     def __init__(self, memory: Memory, layout: Layout) -> None:
-        rings = ((COMMAND, 8), (snapshot_dtype(layout.nq), 512), (layout.row, 1024))
+        rings = ((COMMAND, 8), (snapshot_dtype(layout.nq, layout.upper), 512), (layout.row, 1024))
         ends = np.cumsum([0, *(Ring.size(*ring) for ring in rings)])
         whole = memory.map(int(ends[-1]))
         parts = [Ring(whole[a:b], *ring) for a, b, ring in zip(ends[:-1], ends[1:], rings, strict=True)]

@@ -38,7 +38,7 @@ class AtHome:
 
     def __init__(self, home: np.ndarray) -> None:
         self.home, self.resets, self.commands = home, 0, []
-        reached = SimpleNamespace(reachable=np.tile([0.3, 0, 0, 1, 0, 0, 0], (2, 1)), reasons=("", "reach"))
+        reached = SimpleNamespace(q=home[12:27], reachable=np.tile([0.3, 0, 0, 1, 0, 0, 0], (2, 1)), reasons=("", "reach"))
         numbers = [np.full(n, n, np.float32) for n in (5, 4, 3)]
         self.trace = SimpleNamespace(
             observation=numbers[0], latent=numbers[1], action=numbers[2], reached=reached, ik_ms=0.1, policy_ms=0.2

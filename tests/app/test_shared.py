@@ -12,7 +12,7 @@ from app.shared import Exchange, Layout, Memory, Ring
 from policies.episode import row_dtype
 
 NUMBERS = np.dtype([("tick", "<u8"), ("values", "<f8", (200,))])
-LAYOUT = Layout(nq=7, row=row_dtype(3, 20, 5, 4, 3))
+LAYOUT = Layout(nq=7, upper=3, row=row_dtype(3, 20, 5, 4, 3))
 
 
 def ring(memory: Memory, depth: int = 4) -> Ring:
