@@ -22,9 +22,13 @@ SHIPPED = Path(__file__).parent / "weights"
 
 
 def known(kind: str, folder: Path = SHIPPED, robot: str | None = None) -> list[str]:
-    """Names of the shipped weights of one kind ("walk", "prior"), of one robot or of all."""
-    cards = (json.loads(card.read_text()) for card in sorted(folder.glob("*.json")))
-    return [card["name"] for card in cards if card.get("kind") == kind and robot in (None, card.get("robot"))]
+    """Names of the shipped weights of one kind ("walk", "prior"), of one robot or of all: those that `find` finds.
+
+    Raises:
+        DamagedWeights: the card of some weights cannot be read.
+    """
+    cards = {path.stem: card(path) for path in sorted(folder.glob("*.safetensors"))}
+    return [name for name, told in cards.items() if told.get("kind") == kind and robot in (None, told.get("robot"))]
 
 
 def find(name: str, kind: str) -> Path:

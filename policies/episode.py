@@ -106,7 +106,7 @@ class Metadata:
     versions: Mapping[str, str] = field(default_factory=dict)
     """Package -> version."""
     commit: str = ""
-    """Git commit of the program; empty when it does not run from a checkout."""
+    """Git commit of the program, or unknown; see `policies.commit`."""
 
     def to_json(self) -> dict[str, Any]:
         """As JSON values, with the format, the names of modes and stages and the command layout."""

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
-import subprocess
 from collections.abc import Mapping, Sequence
-from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -14,6 +12,7 @@ import mujoco
 import numpy as np
 import zstandard
 
+from policies.commit import commit
 from policies.episode import Metadata
 from policies.recording.model import model_bytes
 from robots.spec import RobotSpec
@@ -58,7 +57,7 @@ def describe(
         reasons=tuple(reasons),
         seeds=dict(seeds or {}),
         versions=_versions(),
-        commit=_commit(),
+        commit=commit(),
     )
     return metadata, zstandard.compress(compiled)
 
@@ -71,16 +70,3 @@ def _versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
-
-
-@cache
-def _commit() -> str:
-    """Commit of the checkout that this file stands in; empty when there is none, or no git."""
-    folder = Path(__file__).parents[2]
-    if not (folder / ".git").exists():
-        return ""
-    try:
-        answer = subprocess.run(["git", "rev-parse", "HEAD"], cwd=folder, capture_output=True, text=True, timeout=5, check=True)
-    except (OSError, subprocess.SubprocessError):
-        return ""
-    return answer.stdout.strip()
