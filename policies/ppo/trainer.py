@@ -25,6 +25,7 @@ from policies.ppo.algorithm import PPO
 from policies.ppo.config import STAGES, WalkConfig
 from policies.ppo.env import WalkEnv
 from policies.ppo.rewards import VELOCITY
+from policies.prior.errors import OtherTraining
 from policies.prior.prior import Prior
 from robots import catalog
 from robots.spec import RobotSpec
@@ -131,21 +132,29 @@ class Trainer:
         self.export(run / "walk.safetensors")
 
     def resume(self) -> None:
-        """Continue from the run's checkpoint, if it has one."""
+        """Continue from the run's checkpoint, if it has one.
+
+        Raises:
+            NothingToBeginWith: the run to begin with has none.
+            OtherTraining: the run was begun with another motion prior, or without one.
+            OtherMotions: it was begun with another number of motions.
+        """
         path = self.config.run / "checkpoint.pt"
         if not path.exists():
             if self.config.begin:
                 self._begin(self.config.begin / "checkpoint.pt")
             return
         kept = torch.load(path, weights_only=True, map_location=self.device)
+        if kept["prior"] != self.config.prior:
+            raise OtherTraining(self.config.run, ["prior"])
+        if len(kept["alpha"]) != len(self.env.playback.alpha):
+            raise OtherMotions(path, len(kept["alpha"]), len(self.env.playback.alpha))
         self.actor.load_state_dict(kept["actor"])
         self.average.load_state_dict(kept["average"])
         self.critic.load_state_dict(kept["critic"])
         self.ppo.optimiser.load_state_dict(kept["optimiser"])
         self.ppo.lr, self.steps, self.stage, self.seconds = kept["lr"], kept["steps"], kept["stage"], kept["seconds"]
         self.env.penalty, self.begun_at, self.curves = kept["penalty"], kept["begun_at"], json.loads(kept["curves"])
-        if len(kept["alpha"]) != len(self.env.playback.alpha):
-            raise OtherMotions(path, len(kept["alpha"]), len(self.env.playback.alpha))
         self.env.playback.alpha[:] = kept["alpha"].cpu().numpy()
 
     def _begin(self, path: Path) -> None:

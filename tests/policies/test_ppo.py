@@ -17,6 +17,7 @@ from policies.ppo.algorithm import PPOConfig, advantages, log_prob
 from policies.ppo.config import STAGES, WalkConfig
 from policies.ppo.train import train
 from policies.ppo.trainer import Trainer
+from policies.prior.errors import OtherTraining
 from policies.prior.model import PriorModel
 from policies.walk import Walk
 from robots import catalog
@@ -128,6 +129,12 @@ def test_other_motions_than_a_run_began_with_are_refused(with_prior):
     train(with_prior)
     with pytest.raises(OtherMotions, match="was trained with 4 motions, not 5"):
         Trainer(replace(with_prior, reaches=3)).resume()
+
+
+def test_another_prior_than_a_run_began_with_is_refused(with_prior):
+    train(with_prior)
+    with pytest.raises(OtherTraining, match="run was begun with another prior; give the same again, or another --run"):
+        Trainer(replace(with_prior, prior=None)).resume()
 
 
 def test_a_run_that_is_not_there_cannot_be_begun_with(tiny, tmp_path):
