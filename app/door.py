@@ -9,9 +9,8 @@ import ssl
 
 from app.config import Serve
 from app.errors import BadCertificate, CannotListen, NeedsToken, PortTaken
+from app.limits import BLOCKED
 
-BLOCKED = 5.0
-"""A client that takes in nothing for this long is cut off by the kernel, whatever is still on its way to it [s]."""
 UNSENT = 64 * 1024
 """Bytes that the kernel keeps for a client that does not read: few, so that what it reads at last is not old."""
 
@@ -32,7 +31,7 @@ def listen(config: Serve) -> socket.socket:
     door = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
     door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     door.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNSENT)  # this and the next one pass to every connection
-    if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux
+    if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux: the kernel cuts off who takes in nothing, whatever is still on its way
         door.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(BLOCKED * 1e3))
     try:
         door.bind((host, port))

@@ -1,4 +1,4 @@
-"""How much one client may send."""
+"""How much one client may send and leave unread, and how it is told."""
 
 from __future__ import annotations
 
@@ -10,6 +10,13 @@ LARGEST_BODY = 1024 * 1024
 """Bytes of the body of one request."""
 MESSAGES_A_SECOND = 200
 """A client who sends more over a socket is closed."""
+CLIENTS = 16
+"""Open sockets of a kind."""
+BLOCKED = 5.0
+"""A client that takes in nothing for this long is closed [s]."""
+
+NOT_TEXT, NOT_JSON, TOO_MANY, TOO_BIG, GONE, FULL = 1003, 1007, 1008, 1009, 1011, 1013
+"""Why a socket is closed."""
 
 
 class TooMany(Exception):

@@ -14,14 +14,9 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
 from app.errors import AppError
-from app.limits import Allowance, TooMany
+from app.limits import BLOCKED, CLIENTS, FULL, GONE, TOO_MANY, Allowance, TooMany
+from app.race import first_to_end
 
-CLIENTS = 16
-"""Pages at once."""
-FULL, GONE, TOO_MANY = 1013, 1011, 1008
-"""Why a socket is closed."""
-BLOCKED = 5.0
-"""A page that takes in nothing for this long is closed [s]."""
 SLOWEST = 100_000
 """Bytes a second that a page must take in; a scene has about 3 MB."""
 
@@ -116,13 +111,7 @@ async def _relay(socket: WebSocket, address: str, protocols: list[Subprotocol]) 
     """What viser sends goes to the page. What the page sends goes nowhere: whoever drives does so through /api/operator."""
     try:
         async with connect(address, subprotocols=protocols, compression=None, max_size=None, max_queue=1, proxy=None) as viser:
-            tasks = [asyncio.ensure_future(end) for end in (_forward(viser, socket), _ignore(socket))]
-            try:
-                await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for task in tasks:
-                    task.cancel()
-                await asyncio.gather(*tasks, return_exceptions=True)
+            await first_to_end(_forward(viser, socket), _ignore(socket))
     except (OSError, InvalidHandshake, ConnectionClosed):
         pass
     with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):  # the page may have left, or may be what is blocked

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
-from fastapi import APIRouter, FastAPI, HTTPException, Query, Request, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, FastAPI, HTTPException, Query, Request, WebSocket
 from fastapi.responses import JSONResponse
 from fastapi_offline import FastAPIOffline
 from pydantic import ValidationError
@@ -19,21 +18,15 @@ from app.errors import AppError
 from app.gate import Gate
 from app.inputs.operator import Client, Operators
 from app.inputs.webxr import BadPacket, Headset
-from app.limits import LARGEST_BODY, LARGEST_MESSAGE, Allowance, TooMany
+from app.limits import BLOCKED, CLIENTS, FULL, LARGEST_BODY, LARGEST_MESSAGE, NOT_JSON, NOT_TEXT, TOO_BIG, TOO_MANY, Allowance, TooMany
 from app.newest import Newest
 from app.protocol import HEADSET, VERSION, Answer, HeadsetPacket, Health, Member, OperatorMessage, headset_packet
+from app.race import first_to_end
 
 _log = logging.getLogger(__name__)
 
 ANSWER_PERIOD = 0.04
 """Seconds between two answers to a client."""
-CLIENTS = 16
-"""Open operator sockets."""
-BLOCKED = 5.0
-"""A client who reads nothing for this long is closed [s]."""
-
-NOT_TEXT, NOT_JSON, TOO_MANY, TOO_BIG, FULL = 1003, 1007, 1008, 1009, 1013
-"""Why a socket is closed."""
 
 
 def create_app(
@@ -111,7 +104,7 @@ def _control(
         client, packets = operators.join(), Newest[bytes]()
         _log.info("operator connected", extra={"operator": client.key})
         try:
-            await _first_to_end(
+            await first_to_end(
                 _read(socket, client, operators, packets),
                 _follow(packets, client, operators, headset),
                 _answer(socket, client, operators, health),
@@ -131,20 +124,6 @@ async def _say(request: Request, error: Exception) -> JSONResponse:
 def _operator_socket(message: OperatorMessage) -> Answer:  # OpenAPI knows no sockets: /docs shows this one as a webhook
     """JSON text over a WebSocket: messages at 20 Hz or faster, answers at 20 Hz whether or not anything was said."""
     raise NotImplementedError
-
-
-async def _first_to_end(*coroutines: Awaitable[None]) -> None:
-    """Run them together; the end of one ends the others. A closed socket is a normal end."""
-    tasks = [asyncio.ensure_future(c) for c in coroutines]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-    with suppress(WebSocketDisconnect, RuntimeError, TimeoutError):
-        for task in done:
-            task.result()
 
 
 class _Refused(Exception):

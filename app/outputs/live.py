@@ -8,24 +8,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from contextlib import suppress
 
 import numpy as np
-from fastapi import APIRouter, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, WebSocket
 
 from app import clock
+from app.limits import BLOCKED, CLIENTS, FULL, NOT_TEXT, TOO_MANY, Allowance, TooMany
 from app.outputs.description import SceneDescription
+from app.race import first_to_end
 
-CLIENTS = 16
-"""Pages that are shown the robot."""
-FULL = 1013
-"""Why a socket is closed."""
 POLL = 0.005
 """How often a page that waits is looked after [s]; the simulation ticks every 0.02."""
-STANDSTILL = 1.0
-"""A page is told the same qpos again after this long, so that a page that left is noticed [s]."""
-BLOCKED = 5.0
-"""A page that takes in nothing for this long is closed [s]."""
 
 
 def router(description: SceneDescription, newest: Callable[[], np.void]) -> APIRouter:
@@ -51,9 +44,9 @@ def router(description: SceneDescription, newest: Callable[[], np.void]) -> APIR
             await socket.close(FULL, f"{CLIENTS} pages are open already")
             return
         pages.add(socket)
+        asked = asyncio.Semaphore(0)
         try:
-            with suppress(WebSocketDisconnect, TimeoutError, RuntimeError):
-                await _serve(socket, newest)
+            await first_to_end(_read(socket, asked), _show(socket, asked, newest))
         finally:
             pages.discard(socket)
 
@@ -67,13 +60,26 @@ def frame(snapshot: np.void) -> bytes:
     return head.tobytes() + snapshot["qpos"].astype("<f4").tobytes()
 
 
-async def _serve(socket: WebSocket, newest: Callable[[], np.void]) -> None:
-    """One newest qpos for each request, until the socket closes."""
+async def _read(socket: WebSocket, asked: asyncio.Semaphore) -> None:
+    """Every request until the socket closes, or has to be closed."""
+    allowance = Allowance()
+    try:
+        while (packet := await socket.receive())["type"] != "websocket.disconnect":
+            allowance.take()
+            if packet.get("text") is None:
+                await socket.close(NOT_TEXT, "a page asks for a frame by any text")
+                return
+            asked.release()
+    except TooMany as error:
+        await socket.close(TOO_MANY, str(error))
+
+
+async def _show(socket: WebSocket, asked: asyncio.Semaphore, newest: Callable[[], np.void]) -> None:
+    """One newest qpos for each request."""
     shown = None
     while True:
-        await socket.receive_text()
-        waits = clock.now()
-        while (snapshot := newest())["stamp"] == shown and clock.now() - waits < STANDSTILL:
+        await asked.acquire()
+        while (snapshot := newest())["stamp"] == shown:
             await asyncio.sleep(POLL)
         shown = snapshot["stamp"]
         await asyncio.wait_for(socket.send_bytes(frame(snapshot)), BLOCKED)

@@ -245,12 +245,29 @@ def test_a_page_gets_one_pose_for_each_request_and_always_the_newest(site):
         assert _pose(page) == [site.stamp] * NQ
 
 
-def test_a_robot_that_stands_still_is_told_again(site, monkeypatch):
-    monkeypatch.setattr(live, "STANDSTILL", 0.1)
+def test_a_request_that_is_no_text_closes_the_socket(site):
     with site.socket("/api/scene") as page:
-        for _ in range(2):
+        page.send(b"next")
+        with pytest.raises(ConnectionClosed, match="1003"):
+            page.recv(timeout=5)
+
+
+def test_a_page_that_leaves_while_no_news_comes_is_noticed(site, monkeypatch):
+    monkeypatch.setattr(live, "CLIENTS", 1)
+    with site.socket("/api/scene") as page:
+        for _ in range(2):  # the second one waits
             page.send("next")
-            assert _pose(page) == [site.stamp] * NQ
+        page.recv(timeout=5)
+    eventually(lambda: _is_shown(site))
+
+
+def _is_shown(site: Site, path: str = "/api/scene") -> bool:
+    """Whether a page is let in."""
+    with site.socket(path, subprotocols=[VISER]) as page, suppress(ConnectionClosed):
+        page.send("next")
+        page.recv(timeout=5)
+        return True
+    return False
 
 
 def _pose(page: ClientConnection) -> list[float]:
@@ -272,14 +289,7 @@ def test_pages_beyond_the_limit_are_told_so(site, monkeypatch, path):
         with site.socket(path, subprotocols=[VISER]) as second, pytest.raises(ConnectionClosed, match="1 pages are open already"):
             second.recv(timeout=5)
 
-    def takes_another() -> bool:
-        with site.socket(path, subprotocols=[VISER]) as page, suppress(ConnectionClosed):
-            page.send("next")
-            page.recv(timeout=5)
-            return True
-        return False
-
-    eventually(takes_another)
+    eventually(lambda: _is_shown(site, path))
 
 
 def test_the_description_names_every_body_and_the_eye(site):

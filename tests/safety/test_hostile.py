@@ -215,10 +215,11 @@ def closing_code(raw: socket.socket) -> int | None:
 
 @pytest.mark.row(15)
 @pytest.mark.parametrize("count", [200, pytest.param(5000, marks=pytest.mark.slow)])
-def test_malformed_frames_close_the_socket_and_nothing_else(program: Program, count: int, measured) -> None:
+@pytest.mark.parametrize("path", ["/api/operator", "/api/scene"])
+def test_malformed_frames_close_the_socket_and_nothing_else(program: Program, path: str, count: int, measured) -> None:
     dice, codes = random.Random(count), Counter()
     for _ in range(count):
-        with opened(program, "/api/operator") as raw:
+        with opened(program, path) as raw:
             with suppress(OSError):
                 raw.sendall(malformed(dice))
                 raw.shutdown(socket.SHUT_WR)
@@ -229,7 +230,7 @@ def test_malformed_frames_close_the_socket_and_nothing_else(program: Program, co
     assert (health["state"], health["upright"]) == ("STOPPED", True)
     assert "Traceback" not in program.said
     told = ", ".join(f"{code or 'hung up'}: {times}" for code, times in codes.most_common())
-    measured(15, f"{count} malformed frames: closed with {told}; 0 tracebacks")
+    measured(15, f"WS {path}: {count} malformed frames: closed with {told}; 0 tracebacks")
 
 
 @pytest.mark.row(16)
@@ -317,7 +318,7 @@ def test_stop_works_within_100_ms_during_a_flood(program: Program, measured) -> 
 
 
 @pytest.mark.row(17)
-@pytest.mark.parametrize("path", ["/api/operator", "/"])
+@pytest.mark.parametrize("path", SOCKETS)
 def test_who_sends_more_than_200_messages_a_second_is_closed(program: Program, path: str, measured) -> None:
     with opened(program, path) as raw:
         with suppress(OSError):
