@@ -3,6 +3,7 @@
 import { Controls } from "./controls.js";
 import { Crew } from "./crew.js";
 import { Episodes } from "./episodes.js";
+import { Forecast } from "./forecast.js";
 import { Hands } from "./hands.js";
 import { Help } from "./help.js";
 import { Keys } from "./keys.js";
@@ -58,6 +59,7 @@ Object.assign(actions, hands.actions);
 const controls = new Controls($, pilot, [keys, pads], actions);
 const episodes = new Episodes($, stage, controls, reset);
 const legs = new Legs($, post);
+new Forecast($, stage);
 new Help($, keys, pads, controls);
 followTheme($, viewer);
 window.teleop = { live, latency }; // for the console and for `teleop-bench latency`

@@ -92,6 +92,8 @@ const MARKUP = `
     </details>
     <details><summary>Driving</summary>
       <label class="choice" id="legs" hidden><span>Legs</span><select></select></label>
+      <label class="check"><input type="checkbox" id="forecast"> Show what the prior expects</label>
+      <p id="expected" class="faint" title="How far the wrists were from where the motion prior of the legs had expected them, over the last 10 s"></p>
       ${slider("pace", "Walk", 0.1, 1, 0.05, 0.5, "m/s")}
       ${slider("side", "Sidestep", 0.05, 0.4, 0.05, 0.25, "m/s")}
       ${slider("turn", "Turn", 0.1, 1, 0.05, 0.6, "rad/s")}

@@ -49,6 +49,10 @@ class SceneWrist(Wire):
     handle: str
     ghost: str
     reason: str
+    ahead: tuple[str, ...]
+    """Beads, for the way that the motion prior expects."""
+    expected: str
+    """A hand, for where it is expected in half a second."""
 
 
 class SceneEye(Wire):

@@ -22,6 +22,8 @@ AHEAD = 25
 """How far ahead a forecast is judged [ticks]: half a second."""
 JUDGED = 500
 """Over how many ticks it is."""
+LONGEST = 250
+"""Who did not ask for so many ticks begins anew."""
 
 
 class WristForecast(Wire):
@@ -78,7 +80,7 @@ class Forecaster:
         self._priors = {name: Single.load(name, robot.spec) for name in set(priors) if name}
         self._arms = ArmModel(robot)
         self._history, self._past = History(1, self._arms.size), np.empty((WINDOW, 0))
-        self._tick = self._told = -WINDOW - 1
+        self._tick = -LONGEST - 1
         self._policy = -1
         self._forget()
 
@@ -100,17 +102,18 @@ class Forecaster:
 
     def _follow(self) -> int:
         """Take in the targets of the ticks since the last call; returns which legs walk."""
-        late = self._snapshots.count - self._tick > WINDOW
+        late = self._snapshots.count - self._tick > LONGEST
         if late:  # the second that the prior sees is enough
             self._tick = max(0, self._snapshots.count - WINDOW)
-            self._forget()
         records, lost = self._snapshots.since(self._tick)
+        self._tick += lost
         for i, record in enumerate(records):
-            if record["jump"] or (late and i == 0):
+            if record["jump"] or (i == 0 and (late or lost)):
                 self._history.reset(np.ones(1, bool), record["upper"][None])
                 self._forget()
             self._past = self._history.push(record["upper"][None])[0]
-        self._tick += len(records) + lost
+            self._tick += 1
+            self._judge()
         return int(records[-1]["policy"]) if records else self._policy
 
     def _made(self) -> Forecast:
@@ -120,17 +123,16 @@ class Forecaster:
         coming = self._priors[name].predict(self._past)
         now, paths = self._wrists(self._past[-1]), np.stack([self._wrists(q) for q in coming[EVERY - 1 :: EVERY]])
         pose = paths[AHEAD // EVERY - 1]
-        self._judge()
         self._guesses.append(_Guess(self._tick, pose[:, :3], now[:, :3]))
         left, right = (_wrist(np.vstack([now[None, side], paths[:, side]]), pose[side]) for side in range(2))
         _, error, still = np.mean(self._judged, axis=0).tolist() if self._judged else (0, None, None)
         return Forecast(policy=policy, prior=name, left=left, right=right, error=error, still=still)
 
     def _judge(self) -> None:
-        """Compare what was expected for a tick with what came."""
-        while self._guesses and self._guesses[0].tick + AHEAD <= self._tick:
+        """Compare what was expected for this tick with what came."""
+        if self._guesses and self._guesses[0].tick + AHEAD == self._tick:
             guess = self._guesses.popleft()
-            came = self._wrists(self._past[guess.tick + AHEAD - self._tick - 1])[:, :3]
+            came = self._wrists(self._past[-1])[:, :3]
             error, still = (float(np.linalg.norm(came - other, axis=1).mean()) for other in (guess.expected, guess.now))
             self._judged.append((guess.tick, error, still))
         while self._judged and self._judged[0][0] < self._tick - JUDGED:

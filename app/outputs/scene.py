@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
+import numpy as np
 import viser
 
-from app.outputs import geometry
+from app.outputs import geometry, shapes
 from app.outputs.description import BODIES, PELVIS, SceneDescription, SceneWrist, describe
 from robots.spec import RobotSpec
 
 GHOST_FACES = 3000
 """Triangles of a ghost hand."""
 GHOST_RGB = (255, 176, 46)
+EXPECTED_RGB = (130, 92, 240)
+BEADS = 10
+"""Of the way that the motion prior expects a wrist to go: one for each 0.1 s."""
+BEAD_SIZE, BEAD_OPACITY = (0.017, 0.009), (0.85, 0.2)
+"""Of the nearest and the farthest: radius [m] and opacity."""
 HANDLE_SIZE = 0.15
 """Length of a handle's arrows [m]."""
 SIDES = ("left", "right")
@@ -52,12 +60,18 @@ def _mesh(server: viser.ViserServer, name: str, look: geometry.Look) -> None:
 
 
 def _wrist(server: viser.ViserServer, model: mujoco.MjModel, found: list[geometry.Look], side: str, site: str) -> SceneWrist:
-    """Handle, ghost hand and its label, below the pelvis so that they walk with the robot."""
-    handle, ghost = f"{PELVIS}/{side}_handle", f"{PELVIS}/{side}_ghost"
+    """Handle, ghost hands with a label, beads; below the pelvis so that they walk with the robot."""
+    handle, ghost, expected = (f"{PELVIS}/{side}_{what}" for what in ("handle", "ghost", "expected"))
+    ahead = tuple(f"{PELVIS}/{side}_ahead_{i}" for i in range(BEADS))
     scene = server.scene
     scene.add_transform_controls(handle, scale=HANDLE_SIZE, line_width=3.0, depth_test=False, opacity=0.9, disable_sliders=True)
     hand = model.body(int(model.site(site).bodyid[0])).name
     vertices, faces = geometry.subtree(model, found, hand, site, GHOST_FACES)
-    scene.add_mesh_simple(ghost, vertices, faces, color=GHOST_RGB, opacity=0.4, cast_shadow=False, receive_shadow=False, visible=False)
+    glassy: dict[str, Any] = {"cast_shadow": False, "receive_shadow": False, "visible": False}
+    scene.add_mesh_simple(ghost, vertices, faces, color=GHOST_RGB, opacity=0.4, **glassy)
+    scene.add_mesh_simple(expected, vertices, faces, color=EXPECTED_RGB, opacity=0.3, **glassy)
+    sphere, rgb = shapes.surface(mujoco.mjtGeom.mjGEOM_SPHERE, np.ones(3)), EXPECTED_RGB
+    for bead, size, opacity in zip(ahead, np.linspace(*BEAD_SIZE, BEADS), np.linspace(*BEAD_OPACITY, BEADS), strict=True):
+        scene.add_mesh_simple(bead, *sphere, scale=float(size), color=rgb, opacity=float(opacity), **glassy)
     scene.add_label(f"{ghost}/reason", "", position=(0, 0, 0.14), anchor="bottom-center", visible=False)
-    return SceneWrist(handle=handle, ghost=ghost, reason=f"{ghost}/reason")
+    return SceneWrist(handle=handle, ghost=ghost, reason=f"{ghost}/reason", ahead=ahead, expected=expected)
