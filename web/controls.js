@@ -59,6 +59,7 @@ export class Controls {
     });
     button.addEventListener("pointerup", () => this.pilot.release());
     button.addEventListener("pointercancel", () => this.pilot.letGo());
+    button.addEventListener("click", (event) => event.detail === 0 && (this.pilot.press(), this.pilot.release())); // a tap: Enter, or an assistive tool
     button.addEventListener("contextmenu", (event) => event.preventDefault()); // a long touch is a hold
     this.$("#latch").checked = this.pilot.latch;
     this.$("#latch").addEventListener("change", ({ target }) => this.pilot.setLatch(target.checked));

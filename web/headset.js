@@ -71,8 +71,9 @@ const board = new Board([
 for (const device of [new Keys(), new Pads()]) pilot.listen(device, actions);
 $("engage").addEventListener("click", engage);
 $("stop").addEventListener("pointerdown", stop);
+$("stop").addEventListener("click", (event) => event.detail === 0 && stop()); // by Enter or an assistive tool
 $("recentre").addEventListener("click", () => immersion.recentre());
-$("take").addEventListener("click", () => roles.take("arms", "legs"));
+$("take").addEventListener("click", () => roles.take(...roles.wanted));
 $("enter").addEventListener("click", () => immersion.enter().catch((error) => text($("support"), `The headset refused: ${error.message}`)));
 $("pair").addEventListener("click", () => savePair());
 $("view").addEventListener("change", ({ target }) => setView(target.value));
@@ -137,7 +138,7 @@ link.addEventListener("answer", ({ detail }) => {
   text($("state"), answer.state);
   text($("reason"), answer.error ?? answer.reason);
   text($("crew"), answer.driving ? `you drive: ${answer.drives.join(" and ")}` : answer.driver ? `${answer.driver} drives` : "nobody drives");
-  $("take").hidden = !answer.driver || answer.driving;
+  $("take").hidden = !roles.wanted.some((role) => roles.other(role));
   $("engage").setAttribute("aria-pressed", pilot.engaged);
 });
 

@@ -14,6 +14,7 @@ export class Keys extends EventTarget {
   #map = { ...DEFAULTS, ...JSON.parse(localStorage.getItem(STORED) ?? "{}") };
   #listening = null; // resolves with the next key
   #down = new Set();
+  #tabbed = false; // the focus was moved by the keyboard (:focus-visible holds for a clicked button, too, once any key is pressed)
 
   // Events: "down" and "up" {detail: {action, code}}.
   constructor() {
@@ -21,6 +22,7 @@ export class Keys extends EventTarget {
     addEventListener("keydown", (event) => this.#keydown(event), { capture: true });
     addEventListener("keyup", (event) => this.#keyup(event), { capture: true });
     addEventListener("blur", () => this.#down.clear());
+    addEventListener("pointerdown", () => (this.#tabbed = false), { capture: true });
   }
 
   // Codes of an action's keys.
@@ -53,8 +55,9 @@ export class Keys extends EventTarget {
       this.#listening = null;
       return;
     }
+    if (event.code === "Tab") this.#tabbed = true;
     const action = this.#map[event.code];
-    if (!action || event.ctrlKey || event.metaKey || event.altKey || writes(event)) return;
+    if (!action || event.ctrlKey || event.metaKey || event.altKey || writes(event) || (this.#tabbed && presses(event))) return;
     this.#take(event);
     if (event.repeat || this.#down.has(event.code)) return;
     this.#down.add(event.code);
@@ -83,6 +86,11 @@ function writes(event) {
   const target = event.composedPath()[0];
   if (target.type === "range") return event.code.startsWith("Arrow");
   return target.isContentEditable || (/^(INPUT|TEXTAREA|SELECT)$/.test(target.tagName) && target.type !== "checkbox");
+}
+
+// Whether the key presses what has the focus. On Engage it may still be held, as anywhere.
+function presses(event) {
+  return /^(Space|Enter)$/.test(event.code) && event.composedPath()[0].matches("button:not(#engage), a, summary, input");
 }
 
 // What is printed on a key.

@@ -69,7 +69,8 @@ export class Link extends EventTarget {
   }
 
   #hear(answer) {
-    if (answer.version !== VERSION && !sessionStorage.getItem("reloaded")) {
+    if (answer.version === VERSION) sessionStorage.removeItem("reloaded");
+    else if (!sessionStorage.getItem("reloaded")) {
       sessionStorage.setItem("reloaded", "yes");
       location.reload(); // the program was updated under this page
     }

@@ -1,4 +1,4 @@
-// What this page's operator asks for: the enable, the velocity, the posture. Nothing moves unless something is held.
+// What this page's operator asks for: the enable, the velocity, the posture. Nobody walks unless something is held.
 
 const FASTEST = { pace: 1.0, back: 0.6, side: 0.4, turn: 1.0 }; // what the legs were trained for
 const BACK = 0.6; // share of the pace [m/s]
@@ -131,6 +131,7 @@ export class Pilot extends EventTarget {
   // ---- posture: only what was touched since Engage was pressed is sent, so that pressing it moves nothing
 
   ask(field, value) {
+    if (!this.engaged) return this.#refuse("press Engage first (hold Space)");
     this.#posture[field] = value;
     this.#changed();
   }

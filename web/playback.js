@@ -38,9 +38,9 @@ export class Playback {
   }
 
   async show(record) {
-    this.#shown = this.#other = null;
     await this.#try(async () => {
       this.#shown = await load(record);
+      this.#other = null;
       this.stage.play(this.#shown.episode);
       this.#draw();
     });
@@ -48,8 +48,7 @@ export class Playback {
 
   async #compare(id) {
     const record = this.records.find((record) => record.id === id);
-    this.#other = null;
-    if (record) await this.#try(async () => (this.#other = await load(record)));
+    await this.#try(async () => (this.#other = record ? await load(record) : null));
     this.#draw();
   }
 
