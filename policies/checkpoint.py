@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,6 +77,18 @@ def load_arrays(path: Path, expect: dict[str, object]) -> tuple[dict[str, np.nda
     import safetensors.numpy
 
     return _load(path, expect, safetensors.numpy.load_file)
+
+
+def check(path: Path, tensors: Mapping[str, Any], network: Mapping[str, Any]) -> None:
+    """Whether tensors are those of a network, arrays or tensors by name.
+
+    Raises:
+        WrongWeights: one is missing, too many, or of another size.
+    """
+    found, wanted = ({name: tuple(tensor.shape) for name, tensor in each.items()} for each in (tensors, network))
+    for name in wanted | found:
+        if found.get(name) != wanted.get(name):
+            raise WrongWeights(path, f"a network whose {name!r} is", found.get(name), wanted.get(name))
 
 
 def card(path: Path) -> dict:

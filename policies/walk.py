@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from policies import checkpoint
+from policies.errors import DamagedWeights
 from policies.gait import Gait
 from policies.networks import Actor
 from policies.observation import LATENT, Mirror, Observer, action_mirror, layout, leg_targets
@@ -97,7 +98,10 @@ def _load(spec: RobotSpec, name: str, observation: int, count: int) -> _Learnt:
     path, expect = checkpoint.find(name, "walk"), {"kind": "walk", "robot": spec.name, "observation": observation}
     mirrors = Mirror.stack(list(layout(spec).values())), action_mirror(spec)
     tensors, card = checkpoint.load(path, expect)
+    if "prior" not in card:
+        raise DamagedWeights(path, "its card does not name its prior, or null")
     actor = Actor(*mirrors)
+    checkpoint.check(path, tensors, actor.state_dict())
     actor.load_state_dict(tensors)
     if count > 1:
         return _Learnt(partial(_run, actor.eval()), card["prior"], card)

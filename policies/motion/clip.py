@@ -126,12 +126,12 @@ class ClipSet:
             head = json.loads(str(store["head"]))
             ends = np.cumsum(store["length"])
             clips = tuple(_clip(store, i, slice(end - store["length"][i], end)) for i, end in enumerate(ends))
-        except (OSError, ValueError, KeyError, IndexError, EOFError, zipfile.BadZipFile) as error:
+            found, version = ClipSet(head["robot"], tuple(head["joints"]), clips, head["about"]), head["format"]
+        except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError, zipfile.BadZipFile) as error:
             raise UnusableClips(path, str(error)) from error
-        found = ClipSet(head["robot"], tuple(head["joints"]), clips, head["about"])
         wanted = spec.motor_names[spec.group("waist", "arms")]
-        if head["format"] != FORMAT or found.robot != spec.name or found.joints != wanted:
-            raise UnusableClips(path, f"it holds motions of {found.robot!r} (format {head['format']}), not of {spec.name!r}")
+        if version != FORMAT or found.robot != spec.name or found.joints != wanted:
+            raise UnusableClips(path, f"it holds motions of {found.robot!r} (format {version}), not of {spec.name!r}")
         return found
 
 

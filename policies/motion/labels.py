@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import hashlib
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 
 from policies.motion.clip import Split
 
@@ -49,8 +51,8 @@ def read_index(folder: Path) -> dict[Path, Labels]:
     found: dict[Path, Labels] = {}
     for path in sorted(folder.glob("*.csv")):
         if _is_index(path):
-            with path.open(newline="") as file:
-                found |= {(folder / row["file"]).resolve(): _indexed(row) for row in csv.DictReader(file)}
+            with _open(path) as file:
+                found |= {(folder / row["file"]).resolve(): _indexed(row) for row in _rows(file) if row["file"]}
     return found
 
 
@@ -78,5 +80,17 @@ def _by_subject(subject: str) -> Split:
 def _is_index(path: Path) -> bool:
     if path.suffix != ".csv":
         return False
-    with path.open(errors="replace") as file:
-        return {"file", "split"} <= {column.strip() for column in file.readline().split(",")}
+    with _open(path) as file, suppress(csv.Error):
+        return {"file", "split"} <= set(_rows(file).fieldnames or ())
+    return False
+
+
+def _open(path: Path) -> TextIO:
+    return path.open(newline="", encoding="utf-8-sig", errors="replace")  # spreadsheets begin a file with a mark
+
+
+def _rows(file: TextIO) -> csv.DictReader:
+    """Rows of an index; blanks before a column or after its name do not count, what a row lacks is empty."""
+    reader = csv.DictReader(file, restval="", skipinitialspace=True)
+    reader.fieldnames = [column.strip() for column in reader.fieldnames or ()]
+    return reader

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from policies import checkpoint
+from policies.errors import DamagedWeights
 from policies.prior.model import PriorModel, Shape
 from policies.prior.single import KIND, Single, expected
 from robots.spec import RobotSpec
@@ -28,8 +29,13 @@ class Prior:
             WrongWeights: it was trained for another robot, or is no prior.
             DamagedWeights: the file or its card cannot be read.
         """
-        tensors, card = checkpoint.load(checkpoint.find(name, KIND), expected(spec))
-        model = PriorModel(spec, Shape.read(card["shape"]))
+        path = checkpoint.find(name, KIND)
+        tensors, card = checkpoint.load(path, expected(spec))
+        try:
+            model = PriorModel(spec, Shape.read(card["shape"]))
+        except (KeyError, TypeError, AttributeError) as error:
+            raise DamagedWeights(path, f"its card tells no sizes of networks: {error}") from error
+        checkpoint.check(path, tensors, model.state_dict())
         model.load_state_dict(tensors)
         return Prior(model, card)
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from policies import checkpoint
-from policies.errors import NothingToBeginWith, OtherMotions, WrongWeights
+from policies.errors import DamagedWeights, NothingToBeginWith, OtherMotions, WrongWeights
 from policies.motion import reaches
 from policies.ppo.algorithm import PPOConfig, advantages, log_prob
 from policies.ppo.config import STAGES, WalkConfig
@@ -65,6 +65,17 @@ def test_weights_of_another_robot_are_refused(tiny):
     checkpoint.save(other, tensors, card | {"robot": "gr1"})
     with pytest.raises(WrongWeights, match="'gr1', not 'h1'"):
         Walk(catalog.load("h1"), str(other))
+
+
+def test_weights_of_other_networks_and_cards_without_a_prior_are_refused(tiny, tmp_path):
+    path, other, robot = train(tiny), tmp_path / "other.safetensors", catalog.load("h1")
+    tensors, card = checkpoint.load(path, {"kind": "walk"})
+    checkpoint.save(other, tensors, {field: value for field, value in card.items() if field != "prior"})
+    with pytest.raises(DamagedWeights, match="does not name its prior"):
+        Walk(robot, str(other))
+    checkpoint.save(other, tensors | {"log_deviation": torch.zeros(5)}, card)
+    with pytest.raises(WrongWeights, match=r"'log_deviation' is \(5,\), not \(6,\)"):
+        Walk(robot, str(other))
 
 
 def test_an_update_moves_the_policy_by_about_the_wanted_divergence(tmp_path):

@@ -1,5 +1,6 @@
 """Clips on disk, folders of motion, and synthetic ones."""
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -52,6 +53,12 @@ def test_a_store_of_another_robot_or_a_damaged_one_is_refused(tmp_path: Path) ->
         path.write_bytes(damaged)
         with pytest.raises(UnusableClips, match=r"clips\.npz"):
             ClipSet.load(path, SPEC)
+    for head in ("[]", "{}", json.dumps({"robot": "h1", "joints": None, "format": 1, "about": ""})):
+        ClipSet.of(SPEC, [clip()]).save(path)
+        with np.load(path) as stored:
+            np.savez(path, **dict(stored) | {"head": np.array(head)})
+        with pytest.raises(UnusableClips, match=r"clips\.npz cannot be used"):
+            ClipSet.load(path, SPEC)
     with pytest.raises(UnusableClips, match="teleop-train retarget"):
         ClipSet.load(tmp_path / "none.npz", SPEC)
 
@@ -78,7 +85,7 @@ def test_a_folder_is_retargeted_and_what_is_unusable_is_named(
     write(folder / "tentacles.bvh", {}, rename="x")
     (folder / "cut.bvh.gz").write_bytes((folder / "more" / "ann_walk.bvh.gz").read_bytes()[:900])
     (folder / "index.csv").write_text(
-        "clip_id,subject,category,split,file\nfirst,ann,walk,val,more/ann_walk.bvh.gz\ngone,ann,walk,val,gone.bvh\n"
+        "\ufeffclip_id, subject,category ,split, file\nfirst, ann,walk,val, more/ann_walk.bvh.gz\ngone,ann,walk,val,gone.bvh\nhalf,ann\n"
     )
     kept = retarget(RetargetConfig(folder, tmp_path / "out.npz"))
     said = capsys.readouterr().out

@@ -1,15 +1,20 @@
 """Mirror, divergence, coordinates and windows of the motion prior."""
 
 import math
+from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from policies import checkpoint
+from policies.errors import DamagedWeights, WrongWeights
 from policies.motion.clip import Clip, ClipSet
 from policies.prior.history import WINDOW, History
 from policies.prior.model import Curves, Gaussian, PriorModel
 from policies.prior.prior import Prior
+from policies.prior.single import expected
 from policies.prior.train import Terms, elbo
 from policies.prior.windows import Variation, Windows
 from robots.catalog import load
@@ -79,6 +84,18 @@ def test_the_fast_path_for_one_robot_is_the_network(model: PriorModel) -> None:
     np.testing.assert_allclose(np.stack([prior.encode(row) for row in past]), batch, atol=1e-4)
     assert prior.predict(past[0]).shape == (WINDOW, 15)
     np.testing.assert_allclose(prior.predict(past)[0], prior.predict(past[0]), atol=1e-4)
+
+
+def test_a_prior_whose_card_or_tensors_are_not_its_networks_is_refused(model: PriorModel, tmp_path: Path) -> None:
+    path, card = tmp_path / "p.safetensors", expected(SPEC) | {"shape": asdict(model.shape)}
+    checkpoint.save(path, model.state_dict(), card)
+    assert Prior.load(str(path), SPEC).card["kind"] == "prior"
+    checkpoint.save(path, model.state_dict(), expected(SPEC))
+    with pytest.raises(DamagedWeights, match="tells no sizes of networks: 'shape'"):
+        Prior.load(str(path), SPEC)
+    checkpoint.save(path, model.state_dict(), card | {"shape": asdict(model.shape) | {"past_curves": 9}})
+    with pytest.raises(WrongWeights, match="not"):
+        Prior.load(str(path), SPEC)
 
 
 def test_divergence_by_hand() -> None:
