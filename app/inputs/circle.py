@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
+from app.arbiter import Role
 from app.protocol import OperatorMessage, Pose, Wrists
 from policies.command import Command
 
@@ -22,7 +25,7 @@ class Circle:
         """It needs no argument."""
         self._start: np.ndarray | None = None
 
-    def message(self, seq: int, seconds: float, applied: Command) -> OperatorMessage:
+    def message(self, seq: int, seconds: float, applied: Command, taken: Collection[Role]) -> OperatorMessage:
         """See app.inputs.source.Source."""
         start = self._start = applied.wrists[1].copy() if self._start is None else self._start
         angle = 2 * np.pi * seconds / PERIOD

@@ -37,7 +37,8 @@ class Feed:
         client.name = self._source.name
         try:
             while not self._ends.wait(PERIOD if seq else 0):
-                message = self._source.message(seq, clock.now() - began if seq else 0.0, self._applied())
+                taken = [role for role, driver in self._operators.drivers.items() if driver not in (client, None)]
+                message = self._source.message(seq, clock.now() - began if seq else 0.0, self._applied(), taken)
                 if message is None:
                     return
                 self._operators.hear(client, message)

@@ -1,16 +1,17 @@
 """A retargeted clip as a source of commands: it drives the arms, over and over, and leaves the legs to people.
 
 Through the same lease, guard and limits as an operator's hands: wrists and waist are the clip's, elbows are as inverse kinematics has
-them. Whoever takes the arms has them; Stop stops it until somebody presses Engage.
+them. Whoever takes the arms has them for good: the clip begins anew when the robot is reset while nobody else drives them.
+Stop stops it until somebody presses Engage.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 
-from app.arbiter import ROLES
+from app.arbiter import ROLES, Role
 from app.errors import OddSpeed
 from app.mode import Mode, Reason
 from app.protocol import OperatorMessage, Pose, Wrists
@@ -49,6 +50,7 @@ class Motion:
         self._q = there_and_back(clip, robot.spec.home[robot.spec.group("waist", "arms")], speed)
         self._wrists = _wrists(robot, self._q)
         self._at = self._seconds = 0.0
+        self._home = self._taken = False
 
     @property
     def fastest(self) -> float:
@@ -56,16 +58,18 @@ class Motion:
         moved = np.linalg.norm(np.diff(self._wrists[:, :, :3], axis=0), axis=-1)
         return float(np.percentile(moved.max(-1), 99)) * self._rate
 
-    def message(self, seq: int, seconds: float, applied: Command) -> OperatorMessage:
+    def message(self, seq: int, seconds: float, applied: Command, taken: Collection[Role]) -> OperatorMessage:
         """See app.inputs.source.Source. The clip begins anew when the robot was put back home."""
         snapshot, elapsed = self._snapshot(), seconds - self._seconds
         mode, reason = Mode(snapshot["modes"][ARMS]), Reason(snapshot["reasons"][ARMS])
-        fresh, self._seconds = reason in (Reason.STARTED, Reason.RESET), seconds
-        if mode == Mode.ENGAGED:
-            self._at = (self._at + elapsed * self._rate) % len(self._q)
-        elif fresh:
+        before, self._home = self._home, reason in (Reason.STARTED, Reason.RESET)
+        reset, self._seconds = self._home and not before, seconds
+        self._taken = "arms" in taken or (self._taken and not reset)
+        if self._home:
             self._at = 0.0
-        engage = mode == Mode.ENGAGED or ((mode == Mode.HOLD or fresh) and seq % PRESS != 0)
+        elif mode == Mode.ENGAGED and not self._taken:
+            self._at = (self._at + elapsed * self._rate) % len(self._q)
+        engage = not self._taken and (mode == Mode.ENGAGED or ((mode == Mode.HOLD or self._home) and seq % PRESS != 0))
         at = round(self._at) % len(self._q)
         left, right = (Pose(position=tuple(row[:3]), quaternion=tuple(row[3:])) for row in self._wrists[at].tolist())
         wrists, waist = Wrists(left=left, right=right), float(self._q[at, 0])

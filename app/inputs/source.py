@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Protocol
 
+from app.arbiter import Role
 from app.protocol import OperatorMessage
 from policies.command import Command
 
@@ -14,12 +16,13 @@ class Source(Protocol):
     name: str
     """How others see it."""
 
-    def message(self, seq: int, seconds: float, applied: Command) -> OperatorMessage | None:
+    def message(self, seq: int, seconds: float, applied: Command, taken: Collection[Role]) -> OperatorMessage | None:
         """The message of this moment; None ends it.
 
         Args:
             seq: the message's number.
             seconds: since the first message, which had 0.
             applied: what the robot does now.
+            taken: what somebody else drives.
         """
         ...

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.arbiter import ROLES
+from app.arbiter import ROLES, Role
 from app.cli import main
 from app.errors import OddSpeed
 from app.inputs.motion import Motion, there_and_back
@@ -48,9 +48,13 @@ class Stage:
 
     def play(self, ticks: int = 1) -> Command:
         for _ in range(ticks):
-            self.operators.hear(self.client, self.motion.message(self.seq, self.seq / 50, self.command))
+            self.operators.hear(self.client, self.motion.message(self.seq, self.seq / 50, self.command, self.taken))
             self.seq += 1
         return self.command
+
+    @property
+    def taken(self) -> list[Role]:
+        return [role for role, driver in self.operators.drivers.items() if driver not in (self.client, None)]
 
     @property
     def command(self) -> Command:
@@ -118,6 +122,34 @@ def test_who_takes_the_arms_has_them() -> None:
     assert stage.operators.drivers["arms"] is not person
     stage.operators.hear(person, OperatorMessage(seq=2, engage=True, take=True, waist=0.5))
     assert stage.play(10).waist == 0.5
+
+
+def test_it_never_engages_by_itself_after_somebody_else_had_the_arms() -> None:
+    stage = Stage()
+    stage.guard(Mode.ENGAGED, Reason.ENGAGED)
+    stage.play(40)
+    at, presses, person = stage.motion._at, stage.presses, stage.operators.join()
+    stage.operators.hear(person, OperatorMessage(seq=1, engage=True, take=True, roles=["arms"]))
+    stage.play(60)  # the robot follows the person
+    stage.operators.leave(person)
+    for mode, reason in ((Mode.ENGAGED, Reason.ENGAGED), (Mode.HOLD, Reason.SILENT)):
+        stage.guard(mode, reason)
+        assert not stage.play(60).engage
+    assert (stage.motion._at, stage.presses) == (at, presses)
+    stage.guard(Mode.STOPPED, Reason.RESET)
+    assert stage.play(60).engage
+
+
+def test_a_reset_of_who_has_the_arms_is_theirs() -> None:
+    stage = Stage()
+    stage.guard(Mode.ENGAGED, Reason.ENGAGED)
+    stage.play(40)
+    person = stage.operators.join()
+    stage.operators.hear(person, OperatorMessage(seq=1, take=True, roles=["arms"]))
+    stage.guard(Mode.STOPPED, Reason.RESET)
+    stage.play(10)
+    stage.operators.leave(person)
+    assert not stage.play(60).engage
 
 
 def test_a_speed_that_makes_no_motion_is_refused() -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import io
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from small_rows import METADATA, PACKED_MODEL, make_rows
 from stand_ins import eventually
 
 from app.guard import ask_from
@@ -15,9 +17,11 @@ from app.inputs.feed import Feed
 from app.inputs.operator import Operators
 from app.inputs.replay import Replay
 from app.mode import Mode
-from app.protocol import OperatorMessage
+from app.protocol import OperatorMessage, Twist
 from app.simulation import Simulation
 from policies.command import Command
+from policies.episode import EpisodeInfo
+from policies.recording.writer import EpisodeWriter
 
 
 @pytest.fixture(scope="module")
@@ -72,21 +76,50 @@ def test_a_stop_holds_for_good(simulation: Simulation, operators: Operators, cir
     assert operators._seats["arms"].merged.presses == before
 
 
-def test_a_replay_asks_for_what_was_asked_row_by_row(simulation: Simulation, operators: Operators, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def recorded(tmp_path: Path) -> Callable[[np.ndarray], Replay]:
+    """A replay of an episode in which the robot followed these commands."""
+
+    def record(applied: np.ndarray) -> Replay:
+        rows = make_rows(range(len(applied)))
+        rows["applied"] = applied
+        file, path = io.BytesIO(), tmp_path / "recorded.mcap"
+        writer = EpisodeWriter(file, METADATA, PACKED_MODEL)
+        writer.begin(EpisodeInfo("r", 1, path, 0.0))
+        writer.rows(rows)
+        writer.end(0.0)
+        writer.finish()
+        path.write_bytes(file.getvalue())
+        return Replay(str(path))
+
+    return record
+
+
+def test_a_replay_asks_for_what_was_followed_row_by_row(
+    simulation: Simulation, operators: Operators, recorded: Callable[[np.ndarray], Replay]
+) -> None:
     rows = np.tile(Command(engage=True).vector(), (4, 1))
     rows[:, 1] = [0.0, 0.1, 0.2, 0.3]
     rows[:, 7] += [0.0, 0.01, 0.02, 0.03]
-    replay = Replay.__new__(Replay)
-    replay._rows, replay._rate = rows, 50.0
-    client, asked = operators.join(), []
+    replay, client, asked = recorded(rows), operators.join(), []
     for seq in range(4):
-        message = replay.message(seq, seq / 50, simulation.applied())
+        message = replay.message(seq, seq / 50, simulation.applied(), [])
         assert message
         operators.hear(client, message)
         record = simulation.exchange.commands.newest()
         asked.append(ask_from(record, seq).vector)
-    np.testing.assert_allclose(np.array(asked)[1:, [1, 7]], rows[1:, [1, 7]])
-    assert replay.message(4, 4 / 50, simulation.applied()) is None
+    np.testing.assert_allclose(np.array(asked)[1:], rows[1:])
+    assert replay.message(4, 4 / 50, simulation.applied(), []) is None
+
+
+def test_a_replay_leaves_alone_what_nobody_drove(simulation: Simulation, recorded: Callable[[np.ndarray], Replay]) -> None:
+    rows = np.tile(Command(engage=True, twist=np.array([0.5, 0, 0])).vector(), (3, 1))
+    walks = recorded(rows).message(1, 0.02, simulation.applied(), [])
+    assert walks == OperatorMessage(seq=1, roles=["legs"], engage=True, twist=Twist(vx=0.5), height=1.0, roll=0.0, pitch=0.0)
+    rows[:, 1:4], rows[:, 35] = 0, [0.0, 0.1, 0.2]
+    turns = recorded(rows).message(1, 0.02, simulation.applied(), [])
+    assert turns
+    assert (turns.roles, turns.waist, turns.twist, turns.height) == (["arms"], 0.1, None, None)
 
 
 def test_a_replay_of_no_recording_says_so(tmp_path: Path) -> None:
