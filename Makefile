@@ -1,8 +1,8 @@
 # make run   start the server on http://127.0.0.1:8080
 # make test  install what the tests need and run them
-# make test-safety  the failsafe contract, row by row, with what was measured (about 15 minutes)
+# make test-safety  the failsafe contract, row by row, with what was measured (about 17 minutes)
 # make check style, types, import contracts
-# make bench print the figures of the README
+# make bench the figures of the legs and of the speed; teleop-bench --help names the others
 
 PYTHON ?= $(firstword $(foreach p,python3.11 python3.12 python3.13 python3,$(if $(shell $(p) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo yes),$(p))))
 BIN := .venv/bin

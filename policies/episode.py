@@ -102,7 +102,6 @@ class Metadata:
     """Meaning of the `policy` field by its value."""
     reasons: tuple[str, ...] = ()
     """Meaning of the `reason` field by its value."""
-    seeds: Mapping[str, int] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     """Package -> version."""
     commit: str = ""

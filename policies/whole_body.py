@@ -57,11 +57,6 @@ class WholeBody:
             self._reach.solve(self._reach.forward(spec.home[self._upper])), 0.0, 0.0,
         )  # fmt: skip
 
-    @property
-    def card(self) -> dict:
-        """What the leg weights are."""
-        return self._walk.card
-
     def choose(self, index: int) -> None:
         """Walk with other weights from here on: 0 is `walk`, then `others`."""
         self._walk.choose(index)

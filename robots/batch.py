@@ -13,11 +13,9 @@ from robots.state import State
 class Fleet:
     """`count` training models of one robot. Arrays have the robot as their first dimension."""
 
-    def __init__(self, robot: Robot, count: int, threads: int = 0, timestep: float | None = None) -> None:
+    def __init__(self, robot: Robot, count: int, threads: int = 0) -> None:
         self.spec = robot.spec
         self.model = robot.model("training")
-        if timestep is not None:
-            self.model.opt.timestep = timestep
         self.count = count
         self.substeps = round(1 / (robot.spec.policy_rate * self.model.opt.timestep))
         self.batch = Batch(self.model, count, threads)
@@ -25,7 +23,6 @@ class Fleet:
         self.ctrl, self.time = self.batch.bind("ctrl"), self.batch.bind("time")
         self._sensordata = self.batch.bind("sensordata")
         self.senses = Senses(self.model, robot.spec)
-        self.home = self.model.key("home").qpos.copy()
 
     def reset(self, mask: np.ndarray) -> None:
         """Put the robots of a boolean mask [count] back to the home key frame, at time 0, with fresh sensors."""

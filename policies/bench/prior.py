@@ -89,7 +89,7 @@ def run(config: PriorBench) -> dict:
     if config.json:
         config.json.write_text(json.dumps(record, indent=1) + "\n")
     if config.picture:
-        from policies.prior.picture import draw  # only this needs matplotlib
+        from policies.prior.picture import draw  # half a second that only the picture needs
 
         draw(prior.model, windows, config.picture, config.curve)
     return record

@@ -43,7 +43,7 @@ class RobustnessBench:
     json: Path | None = None
     """Also write the figures to this file."""
     picture: Path | None = None
-    """Also draw them (needs matplotlib)."""
+    """Also draw them."""
 
 
 def run(config: RobustnessBench) -> dict:
@@ -81,7 +81,7 @@ def _table(rows: list[dict]) -> Table:
 
 
 def _draw(rows: list[dict], path: Path) -> None:
-    from matplotlib.figure import Figure  # only this picture needs it
+    from matplotlib.figure import Figure  # half a second that only this picture needs
 
     figure = Figure(figsize=(11, 5.5), layout="constrained")
     for line, (what, label) in zip(figure.subplots(2, 3), {"push": "push [m/s]", "speed": "motion speed"}.items(), strict=True):

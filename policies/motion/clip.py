@@ -91,10 +91,6 @@ class ClipSet:
         """The training or the validation clips."""
         return self.where(lambda clip: clip.split == split)
 
-    def with_mirrored(self, spec: RobotSpec) -> ClipSet:
-        """Every clip and its mirrored twin."""
-        return replace(self, clips=tuple(twin for clip in self.clips for twin in (clip, clip.mirrored(spec))))
-
     def save(self, path: Path) -> None:
         """Write one compressed .npz; a crash leaves the old file or the new one."""
         path.parent.mkdir(parents=True, exist_ok=True)

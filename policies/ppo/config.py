@@ -21,7 +21,7 @@ class WalkConfig:
 
     Example: teleop-train walk --run runs/walk --steps 40e6
     With a motion prior: teleop-train walk --run runs/pmp --prior prior_h1 --motions runs/clips.npz runs/synthetic.npz --begin runs/walk
-    On several processes: torchrun --standalone --nproc-per-node 2 -- teleop-train walk --run runs/walk
+    On several processes: torchrun --standalone --nproc-per-node 2 -- .venv/bin/teleop-train walk --run runs/walk --threads 4
     The same command again resumes from the last checkpoint.
     """
 
@@ -48,7 +48,7 @@ class WalkConfig:
     seed: int = 1
     """Of environments and networks."""
     threads: int = 0
-    """Physics threads; 0 takes every core."""
+    """Physics threads, in each process; 0 takes every core."""
     device: str = "auto"
     """Where the learner computes: cpu, cuda, or auto."""
     torch_threads: int = 2

@@ -19,7 +19,7 @@ PANELS = {
 
 @dataclass(frozen=True)
 class CurvesConfig:
-    """Draw the curves of a run (needs matplotlib).
+    """Draw the curves of a run.
 
     Example: teleop-train curves --run runs/walk --out docs/walk.png
     """
@@ -36,7 +36,7 @@ def draw(config: CurvesConfig) -> Path:
     if not table.is_file():
         sys.exit(f"teleop-train: {table} does not exist; `teleop-train walk --run {config.run}` writes it")
     rows = list(csv.DictReader(table.read_text().splitlines()))
-    from matplotlib.figure import Figure  # only this command needs it
+    from matplotlib.figure import Figure  # half a second that only this command needs
 
     figure = Figure(figsize=(11, 6), layout="constrained")
     steps = [float(r["steps"]) / 1e6 for r in rows]

@@ -52,9 +52,7 @@ class Layout:
     model: int | None
     """Offset of the attached model."""
     damaged: int = 0
-    """Chunks that were found but cannot be read."""
-    cut_off: bool = False
-    """The last chunk was not written to its end."""
+    """Chunks that were found but cannot be read; one that the end of the file cuts off is none."""
 
 
 def survey(file: BinaryIO) -> Layout:
@@ -149,7 +147,7 @@ def _searched(file: BinaryIO) -> Layout:
     cut_off = bool(broken) and broken[-1] >= behind and _ends_early(file, broken[-1])
     models = (at - _ATTACHMENT_NAME_AT for at in _find(file, _ATTACHMENT_NAME))
     model = next((offset for offset in models if offset >= 0 and read_attachment(file, offset) is not None), None)
-    return Layout(False, tuple(chunks), model, len(broken) - cut_off, cut_off)
+    return Layout(False, tuple(chunks), model, len(broken) - cut_off)
 
 
 def _ends_early(file: BinaryIO, offset: int) -> bool:

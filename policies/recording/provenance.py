@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -27,7 +27,6 @@ def describe(
     policies: Sequence[str],
     weights: Path | None = None,
     reasons: Sequence[str] = (),
-    seeds: Mapping[str, int] | None = None,
 ) -> tuple[Metadata, bytes]:
     """The metadata of a recording and the compiled model that its rows were made with: MJB, compressed with zstd.
 
@@ -40,7 +39,6 @@ def describe(
         policies: names of the leg policies that can walk; the robot begins with the first.
         weights: file of the first.
         reasons: meaning of the `reason` field by its value.
-        seeds: what was drawn at random.
     """
     compiled = model_bytes(model)
     metadata = Metadata(
@@ -55,7 +53,6 @@ def describe(
         policy_sha256="" if weights is None else hashlib.sha256(weights.read_bytes()).hexdigest(),
         model_sha256=hashlib.sha256(compiled).hexdigest(),
         reasons=tuple(reasons),
-        seeds=dict(seeds or {}),
         versions=_versions(),
         commit=commit(),
     )

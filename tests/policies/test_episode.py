@@ -11,7 +11,7 @@ from policies.episode import COMMAND_LAYOUT, Metadata, holes, missing_ticks, row
 
 def metadata() -> Metadata:
     dtype = row_dtype(nu=41, nstate=633, nobs=98, nlatent=64, naction=12)
-    return Metadata("h1", "walk", dtype, nq=60, nv=59, substeps=4, rate=50.0, reasons=("a", "b"), seeds={"x": 1}, versions={"numpy": "2"})
+    return Metadata("h1", "walk", dtype, nq=60, nv=59, substeps=4, rate=50.0, reasons=("a", "b"), versions={"numpy": "2"})
 
 
 def test_a_row_is_packed_and_little_endian():

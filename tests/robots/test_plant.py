@@ -144,7 +144,7 @@ def test_a_fleet_resets_only_the_robots_of_the_mask():
     before = fleet.qpos.copy()
     fleet.reset(np.array([False, True, False]))
     np.testing.assert_array_equal(fleet.qpos[[0, 2]], before[[0, 2]])
-    np.testing.assert_array_equal(fleet.qpos[1], fleet.home)
+    np.testing.assert_array_equal(fleet.qpos[1], fleet.model.key("home").qpos)
     assert fleet.time.ravel()[1] == 0
 
 

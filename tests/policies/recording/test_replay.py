@@ -110,9 +110,8 @@ def test_the_description_names_what_made_the_rows(plant: Plant, tmp_path: Path):
     weights = tmp_path / "w.safetensors"
     weights.write_bytes(b"weights")
     dtype = row_dtype(plant.model.nu, plant.save().size, 4, 0, 2)
-    metadata, _ = describe(plant.spec, plant.model, dtype, ["walk"], weights, ("A",), {"noise": 3})
+    metadata, _ = describe(plant.spec, plant.model, dtype, ["walk"], weights, ("A",))
     assert (metadata.robot, metadata.policy, metadata.substeps, metadata.rate) == ("h1", "walk", 4, 50.0)
     assert metadata.policy_sha256 == hashlib.sha256(b"weights").hexdigest()
     assert metadata.versions["mujoco"] == mujoco.__version__
     assert {"numpy", "torch", "humanoid-teleop"} <= metadata.versions.keys()
-    assert metadata.seeds == {"noise": 3}
