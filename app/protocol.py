@@ -162,7 +162,7 @@ class Base(Wire):
 
 
 class Applied(Wire):
-    """The legs' command after the guard."""
+    """The command after the guard; its wrists are in BothWrists."""
 
     vx: float
     vy: float
@@ -170,6 +170,10 @@ class Applied(Wire):
     height: float
     roll: float
     pitch: float
+    hands: Hands
+    neck: Neck
+    waist: float
+    """rad"""
 
 
 class Wrist(Wire):

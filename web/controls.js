@@ -3,7 +3,7 @@
 import { label } from "./keys.js";
 import { ROLES } from "./roles.js";
 
-const FIELDS = { legs: ["height", "roll", "pitch"], arms: ["waist", "grip-left", "grip-right", "neck-yaw", "neck-pitch"] };
+const FIELDS = { legs: ["height", "roll", "pitch"], arms: ["waist", "grip-left", "grip-right", "pinch-left", "pinch-right", "neck-yaw", "neck-pitch"] };
 const HINT_MS = 4000;
 const DEGREES = 180 / Math.PI;
 
@@ -36,11 +36,16 @@ export class Controls {
     if (briefly) this.#timer = setTimeout(() => this.hint(""), HINT_MS);
   }
 
-  // Sliders of the posture follow the robot while this page does not move them.
-  follow(answer) {
-    for (const role of ROLES) for (const field of FIELDS[role]) this.$(`[data-field=${field}]`).disabled = !this.pilot.roles.may(role);
-    if (this.pilot.engaged) return;
-    for (const field of FIELDS.legs) this.#set(this.$(`[data-field=${field}]`), answer.command[field]);
+  // Sliders follow the robot while this page does not move them. values: field -> number.
+  follow(values) {
+    const { engaged, roles } = this.pilot;
+    for (const role of ROLES) {
+      for (const field of FIELDS[role]) {
+        const input = this.$(`[data-field=${field}]`);
+        input.disabled = !roles.may(role);
+        if (!engaged || input.disabled) this.#set(input, values[field]);
+      }
+    }
   }
 
   keycaps() {
@@ -101,7 +106,6 @@ export class Controls {
     const { pilot, pads } = this;
     if (field in pilot.limits) return pilot.setLimit(field, value);
     if (field in pads) return pads.set(field, value);
-    if (!pilot.engaged) this.hint("press Engage first (hold Space)", true);
     if (/^(grip|pinch|neck)-/.test(field)) return; // web/hands.js
     pilot.ask(field, value);
   }

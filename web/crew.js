@@ -1,5 +1,6 @@
 // The crew: who drives what, who asks for it, and a link for another one's phone.
 
+import { ask } from "./ask.js";
 import { icon } from "./overlay.js";
 import { ROLES } from "./roles.js";
 import { text } from "./status.js";
@@ -91,8 +92,12 @@ export class Crew {
     figure.hidden = this.#invited === role;
     this.#invited = figure.hidden ? null : role;
     if (figure.hidden) return;
-    const { link, qr, reach } = await (await fetch(`/api/invite/${role}`)).json();
-    figure.innerHTML = `<img alt="QR code" src="${qr}"><figcaption><a href="${link}" target="_blank">${link}</a></figcaption>`;
-    if (reach) figure.querySelector("figcaption").append(reach);
+    try {
+      const { link, qr, reach } = await ask(`/api/invite/${role}`);
+      figure.innerHTML = `<img alt="QR code" src="${qr}"><figcaption><a href="${link}" target="_blank">${link}</a></figcaption>`;
+      if (reach) figure.querySelector("figcaption").append(reach);
+    } catch ({ message }) {
+      text(figure, message);
+    }
   }
 }

@@ -1,10 +1,11 @@
 // Recording: the episode that is open, how it ends, and the list of those before.
 
+import { ask } from "./ask.js";
 import { icon } from "./overlay.js";
 import { Playback, clock, name, when } from "./playback.js";
 import { text } from "./status.js";
 
-const SURE_MS = 3000; // for the second press of a delete button
+const SURE_MS = 3000; // for the second press of a button that forgets an episode
 const FRESH = "teleop fresh start", SEED = "teleop next seed";
 const MARKS = { true: ["✓", "it went well"], false: ["✗", "it went wrong"], null: ["·", "not marked"] };
 const NEXT = { true: false, false: null, null: true };
@@ -41,7 +42,8 @@ export class Episodes {
   }
 
   async discard() {
-    if (this.#recording && (await this.#ask("POST", `/${this.#recording}/discard`))) this.#afresh();
+    if (!this.#recording || !this.#sure(this.$("#discard"), "discard this recording")) return;
+    if (await this.#ask("POST", `/${this.#recording}/discard`)) this.#afresh();
   }
 
   show(answer) {
@@ -53,13 +55,14 @@ export class Episodes {
     this.#since = performance.now();
     $.host.toggleAttribute("data-recording", Boolean(this.#recording));
     $("#endings").hidden = !this.#recording;
+    $("#discard").removeAttribute("data-sure");
     this.refresh();
   }
 
   async refresh() {
-    const response = await fetch("/api/episodes").catch(() => null);
-    if (!response?.ok) return;
-    this.#list = (await response.json()).filter((episode) => episode.ended !== "open");
+    const all = await ask("/api/episodes").catch(() => null);
+    if (!all) return; // without a connection, which the page shows
+    this.#list = all.filter((episode) => episode.ended !== "open");
     const { $ } = this, count = (success) => this.#list.filter((episode) => episode.success === success).length;
     const seconds = this.#list.reduce((sum, episode) => sum + episode.seconds, 0);
     $("#no-episodes").hidden = this.#list.length > 0;
@@ -94,25 +97,28 @@ export class Episodes {
     mark.addEventListener("click", () => this.#ask("POST", `/${episode.id}/label`, { success: NEXT[episode.success] }));
     link.href = `/api/episodes/${episode.id}/download`;
     play.addEventListener("click", () => this.playback.show(episode));
-    remove.addEventListener("click", () => this.#remove(remove, episode));
+    remove.addEventListener("click", () => this.#sure(remove, "delete this episode") && this.#ask("DELETE", `/${episode.id}`));
     return item;
   }
 
-  #remove(button, episode) {
-    if (button.dataset.sure) return this.#ask("DELETE", `/${episode.id}`);
-    button.dataset.sure = "yes";
-    button.title = "Press again to delete";
-    setTimeout(() => delete button.dataset.sure, SURE_MS);
+  // Whether a button is pressed for the second time; the first time asks, in its place and in the hint.
+  #sure(button, what) {
+    if (!button.toggleAttribute("data-sure")) return true;
+    this.controls.hint(`press again to ${what}`, true);
+    setTimeout(() => button.removeAttribute("data-sure"), SURE_MS);
+    return false;
   }
 
   // Resolves to whether it was done; else the page says why not.
   async #ask(method, path, body) {
-    const headers = { "Content-Type": "application/json" };
-    const options = { method, ...(body ? { headers, body: JSON.stringify(body) } : {}) };
-    const response = await fetch(`/api/episodes${path}`, options).catch(() => null);
-    if (response?.ok) this.refresh();
-    else this.controls.hint(response ? (await response.json()).detail : "no connection to the robot", true);
-    return Boolean(response?.ok);
+    try {
+      await ask(`/api/episodes${path}`, method, body);
+      this.refresh();
+      return true;
+    } catch ({ message }) {
+      this.controls.hint(message, true);
+      return false;
+    }
   }
 
   #clock() {

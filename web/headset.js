@@ -1,5 +1,6 @@
 // Puts the headset's page together. Without a headset it is a preview: the same picture, flat.
 
+import { ask, insist } from "./ask.js";
 import { Board } from "./board.js";
 import { atHands } from "./gaze.js";
 import { Immersion } from "./immersion.js";
@@ -27,12 +28,11 @@ const PAIR = { width: 640, height: 480 }; // of each picture of a stereo pair
 const FLAT = { fov: 0.75, from: [-2.6, 1.2, 1.7], at: [0, 0, 0.8] };
 
 const $ = (id) => document.getElementById(id);
-const json = async (path) => (await fetch(path)).json();
 const socket = (path) => `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${path}`;
 const stored = (name, otherwise) => localStorage.getItem(`teleop ${name}`) ?? otherwise;
 const store = (name, value) => localStorage.setItem(`teleop ${name}`, value);
 
-const [layout, description] = await Promise.all([json("/api/headset"), json("/api/scene")]);
+const [layout, description] = await Promise.all(["/api/headset", "/api/scene"].map((path) => insist(path, () => text($("state"), "No connection"))));
 const packet = new Packet(layout), tracker = new Tracker(), seat = new Seat(description);
 const live = new Live(socket("/api/scene"));
 const roles = new Roles(new URLSearchParams(location.search).get("role"));
@@ -55,8 +55,8 @@ function looks() {
 
 // ---- what a person can do, on the page, on the board, on keys
 
-const engage = () => ((note = ""), (measured = null), pilot.engaged ? pilot.letGo() : pilot.press());
-const stop = () => (pilot.letGo(), fetch("/api/stop", { method: "POST" }));
+const engage = () => ((measured = null), pilot.engaged ? pilot.letGo() : pilot.press());
+const stop = () => (pilot.letGo(), ask("/api/stop", "POST").catch(({ message }) => text($("reason"), (note = `Stop did not reach the robot: ${message}`))));
 const actions = { stop, view: () => setView(VIEWS[(VIEWS.indexOf(choice.view) + 1) % VIEWS.length]) };
 const board = new Board([
   { label: () => (pilot.engaged ? "Release" : "Engage"), colour: () => (pilot.engaged ? "#0b8f6a" : ""), press: engage },
@@ -122,7 +122,10 @@ addEventListener("pagehide", () => (letGo(), link.send()));
 addEventListener("blur", () => immersion.active || letGo());
 document.addEventListener("visibilitychange", () => document.hidden && !immersion.active && letGo());
 
-pilot.addEventListener("change", () => link.send());
+pilot.addEventListener("change", () => {
+  if (pilot.engaged) note = "";
+  link.send();
+});
 pilot.addEventListener("refused", ({ detail }) => text($("reason"), detail));
 roles.addEventListener("change", () => link.send());
 link.addEventListener("close", () => {
@@ -136,7 +139,7 @@ link.addEventListener("answer", ({ detail }) => {
   pilot.hear(answer);
   document.body.dataset.state = answer.state;
   text($("state"), answer.state);
-  text($("reason"), answer.error ?? answer.reason);
+  text($("reason"), answer.error ?? (note || answer.reason));
   text($("crew"), answer.driving ? `you drive: ${answer.drives.join(" and ")}` : answer.driver ? `${answer.driver} drives` : "nobody drives");
   $("take").hidden = !roles.wanted.some((role) => roles.other(role));
   $("engage").setAttribute("aria-pressed", pilot.engaged);

@@ -1,5 +1,6 @@
 // Puts the page together.
 
+import { ask, insist } from "./ask.js";
 import { Controls } from "./controls.js";
 import { Crew } from "./crew.js";
 import { Episodes } from "./episodes.js";
@@ -30,9 +31,9 @@ const socket = (path) => `${location.protocol === "https:" ? "wss" : "ws"}://${l
 const viewer = new Viewer(window.teleopTap); // first of all: it listens while viser starts
 const keys = new Keys();
 const pads = new Pads();
-const description = await (await fetch("/api/scene")).json();
 const $ = mount();
 document.title = "Teleop";
+const description = await insist("/api/scene", () => ($("#lost").hidden = false));
 
 const live = new Live(socket("/api/scene"));
 const stage = new Stage(viewer, description, live);
@@ -46,7 +47,7 @@ const status = new Status($, roles, latency, live);
 const crew = new Crew($, roles);
 
 const actions = {
-  stop: () => (pilot.letGo(), fetch("/api/stop", { method: "POST" })),
+  stop: () => (pilot.letGo(), ask("/api/stop", "POST").catch(({ message }) => controls.hint(`Stop did not reach the robot: ${message}`, true))),
   reset: () => reset(),
   record: () => episodes.toggle(),
   success: () => episodes.end(true),
@@ -70,6 +71,7 @@ pilot.addEventListener("change", () => {
   if (pilot.engaged && stage.playback) stage.play(null); // nobody drives blind
   tell();
 });
+stage.addEventListener("playback", () => stage.playback && pilot.letGo());
 wrists.addEventListener("drag", () => tell());
 for (const type of ["down", "move", "up"]) pads.addEventListener(type, () => latency.moved());
 $("#smooth").checked = wrists.smooth;
@@ -83,21 +85,22 @@ function tell() {
   link.send();
 }
 
-// Ask for something as this client. Resolves to whether it was done.
-async function post(path, body) {
-  const options = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(body) };
-  const answer = await fetch(`${path}?client=${link.id}`, options);
-  if (!answer.ok) controls.hint((await answer.json()).detail, true);
-  return answer.ok;
+// Ask for something as this client. Resolves to whether it was done; else the page says why not.
+async function post(path, body, query = {}) {
+  try {
+    await ask(`${path}?${new URLSearchParams({ client: link.id, ...query })}`, "POST", body);
+    return true;
+  } catch ({ message }) {
+    controls.hint(message, true);
+    return false;
+  }
 }
 
 // Put the robot back; a seed other than 0 draws a start near home. Resolves to whether it was done.
 async function reset(seed = 0) {
   pilot.letGo();
   stage.play(null);
-  const answer = await fetch(`/api/reset?client=${link.id}&seed=${seed}`, { method: "POST" });
-  if (!answer.ok) controls.hint((await answer.json()).detail, true);
-  return answer.ok;
+  return post("/api/reset", undefined, { seed });
 }
 
 // ---- what comes back
@@ -107,7 +110,7 @@ link.addEventListener("answer", ({ detail: answer }) => {
   pilot.hear(answer);
   status.show(answer);
   crew.show(answer);
-  controls.follow(answer);
+  controls.follow({ ...answer.command, ...hands.fields(answer.command) });
   wrists.show(answer);
   hands.show(answer);
   legs.show(answer);

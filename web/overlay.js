@@ -38,11 +38,11 @@ const stage = (name, label) => `<tr data-stage="${name}"><th>${label}</th><td></
 const MARKUP = `
 <link rel="stylesheet" href="/web/overlay.css">
 <main>
-  <section class="status card" aria-live="polite">
-    <p class="state"><i class="dot"></i><strong id="state">Connecting</strong><span id="reason"></span></p>
+  <section class="status card">
+    <p class="state" aria-live="polite"><i class="dot"></i><strong id="state">Connecting</strong><span id="reason"></span></p>
     <p class="crew"><button id="crew-button" title="Who drives what" aria-expanded="false"><span id="driver"></span><span id="watchers"></span></button><span id="factor"></span></p>
     <button id="take" class="small" hidden>Take over</button>
-    <p id="request" hidden><span></span><button class="small">Hand over</button></p>
+    <p id="request" aria-live="polite" hidden><span></span><button class="small">Hand over</button></p>
     <div class="members" id="crew" hidden></div>
   </section>
 
@@ -65,7 +65,7 @@ const MARKUP = `
       <div class="record" id="endings" hidden>
         <button id="success" class="small" title="Stop: it went well">✓ Success</button>
         <button id="failure" class="small" title="Stop: it went wrong">✗ Failure</button>
-        <button id="discard" class="small" title="Stop and forget it">Discard</button>
+        <button id="discard" class="small" title="Stop and forget it"><span>Discard</span></button>
       </div>
       <input id="label" type="text" maxlength="200" placeholder="Task, for example: wave with the left hand" aria-label="Task of the episode">
       <label class="check"><input type="checkbox" id="fresh"> Reset after each episode, to another start</label>
@@ -138,7 +138,7 @@ const MARKUP = `
     <select id="against" aria-label="Compare with"></select><button id="swap" class="small" hidden>Show the other</button>
   </section>
 
-  <section class="help card" id="help" hidden></section>
+  <section class="help card" id="help" role="dialog" aria-label="Keys and help" hidden></section>
   <section class="lost" id="lost" hidden><p class="card"><strong>Connection lost</strong><span>The robot holds still. Trying again.</span></p></section>
 </main>`;
 

@@ -11,7 +11,7 @@ from app import clock
 from app.arbiter import Role
 from app.inputs.operator import Client, Operators
 from app.mode import Mode, Reason
-from app.protocol import Applied, Base, BothWrists, Health, Latency, PageTiming, Part, Parts, Percentiles, Pose, Wrist
+from app.protocol import Applied, Base, BothWrists, Hands, Health, Latency, Neck, PageTiming, Part, Parts, Percentiles, Pose, Twist, Wrist
 from app.shared import Ring
 from app.simulation import Simulation
 from policies.command import Command
@@ -124,8 +124,11 @@ def _percentiles(values: np.ndarray) -> Percentiles:
 
 
 def _applied(command: Command) -> Applied:
-    vx, vy, yaw_rate = command.twist.tolist()
-    return Applied(vx=vx, vy=vy, yaw_rate=yaw_rate, height=command.height, roll=command.roll, pitch=command.pitch)
+    scalars = {name: getattr(command, name) for name in ("height", "roll", "pitch", "waist")}
+    twist = dict(zip(Twist.model_fields, command.twist.tolist(), strict=True))
+    left, right = map(tuple, command.hands.tolist())
+    yaw, pitch = command.neck.tolist()
+    return Applied(**twist, **scalars, hands=Hands(left=left, right=right), neck=Neck(yaw=yaw, pitch=pitch))
 
 
 def _wrist(snapshot: np.void, side: int) -> Wrist:

@@ -25,20 +25,21 @@ def page(pages: Callable[..., Page], robot: Robot) -> Page:
 
 
 def record(page: Page, robot: Robot, ending: str, task: str = "") -> None:
-    """An episode of half a second; `ending` is a key."""
+    """An episode of half a second; `ending` is a key, or several."""
     page.locator("#label").evaluate("(field, task) => (field.value = task)", task)
     page.keyboard.press("KeyR")
     eventually(lambda: robot.health["recording"])
     time.sleep(0.5)
     eventually(lambda: page.locator("#endings:not([hidden])").count())
-    page.keyboard.press(ending)
+    for key in ending.split():
+        page.keyboard.press(key)
     eventually(lambda: robot.health["recording"] is None)
 
 
 def test_keys_end_an_episode_as_success_failure_or_not_at_all(page: Page, robot: Robot) -> None:
     record(page, robot, "KeyY", "pick up the cup")
     record(page, robot, "KeyN", "wave")
-    record(page, robot, "Backspace", "nothing")
+    record(page, robot, "Backspace Backspace", "nothing")
     told = [(episode["label"], episode["success"]) for episode in robot.ask("/api/episodes")]
     assert told == [("wave", False), ("pick up the cup", True)]
     eventually(lambda: "✓ 1 · ✗ 1" in (page.locator("#counters").text_content() or ""))
@@ -76,6 +77,11 @@ def test_playback_shows_events_and_figures_of_two_episodes(page: Page, robot: Ro
     eventually(lambda: page.locator("#playback-name").text_content() == "one")
     page.locator("#playback-time").evaluate("field => { field.value = 0.2; field.dispatchEvent(new Event('input')) }")
     eventually(lambda: (page.locator("#playback-clock").text_content() or "").startswith("0:00 /"))
+    page.route("**/frames", lambda route: route.abort())
+    page.locator("#episodes [title='Play back']").first.evaluate("button => button.click()")
+    eventually(lambda: page.locator("#hint.alert").text_content())
+    click(page, "#swap")  # what cannot be had takes nothing away
+    eventually(lambda: page.locator("#playback-name").text_content() == "two")
     click(page, "#playback-close")
 
 
@@ -97,5 +103,9 @@ def test_an_alarm_of_the_recording_is_seen(page: Page, robot: Robot) -> None:
     page.keyboard.press("KeyR")
     eventually(lambda: page.locator("#alarm").is_hidden())
     eventually(lambda: robot.health["recording"])
+    eventually(lambda: page.locator("#endings:not([hidden])").count())
+    page.keyboard.press("Backspace")
+    assert "press again to discard" in (page.locator("#hint").text_content() or "")
+    assert robot.health["recording"]
     page.keyboard.press("Backspace")
     eventually(lambda: robot.health["recording"] is None)

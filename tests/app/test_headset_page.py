@@ -10,7 +10,7 @@ import emulator
 import mujoco
 import numpy as np
 import pytest
-from browser import START, VIEW, Robot
+from browser import START, VIEW, Another, Robot
 from browser import engage as click_engage
 from stand_ins import eventually
 from websockets.sync.client import connect
@@ -170,6 +170,8 @@ def test_clutch_and_lost_tracking_hold_the_arm_and_bring_it_back_without_a_jump(
 
     headset.evaluate("device.updateVisibilityState('visible-blurred')")
     eventually(lambda: robot.health["state"] == "HOLD", 2)
+    headset.locator("#stop").evaluate("button => button.click()")  # as Enter does, and assistive tools
+    eventually(lambda: robot.health["state"] == "STOPPED", 2)
 
 
 def test_controllers_grip_clutch_walk_and_engage(headset: Page, robot: Robot, eye: Eye) -> None:
@@ -263,6 +265,19 @@ def test_flat_the_page_draws_the_robot(chromium: Browser, robot: Robot) -> None:
     context.close()
 
 
+def test_a_headset_for_the_arms_takes_the_arms_only(chromium: Browser, robot: Robot) -> None:
+    context = chromium.new_context(viewport=VIEW)
+    context.add_init_script("localStorage.setItem('teleop headset view', 'none')")
+    page = context.new_page()
+    with Another(robot, "Ada"):
+        page.goto(robot.url + "/xr?role=arms")
+        eventually(lambda: page.locator("#take:not([hidden])").count(), START)
+        page.locator("#take").evaluate("button => button.click()")
+        eventually(lambda: robot.health["roles"]["arms"]["driver"] not in ("Ada", None))
+        assert robot.health["roles"]["legs"]["driver"] == "Ada"
+    context.close()
+
+
 BOARD = """async () => {
   const { Board } = await import("/web/board.js"), { apply } = await import("/web/matrix.js");
   const done = [], names = ["a", "b", "c", "d"];
@@ -353,6 +368,14 @@ def test_the_board_is_pressed_once_and_the_seat_does_not_move_by_itself(chromium
 
 def test_without_a_headset_keys_and_sliders_grasp_and_turn_the_head(pages, robot: Robot, eye: Eye) -> None:
     page = pages()
+    slide = "(slider, value) => { slider.value = value; slider.dispatchEvent(new Event('input')) }"
+
+    def shown(field: str) -> float:
+        return float(page.locator(f"[data-field={field}]").input_value())
+
+    page.locator("[data-field=grip-left]").evaluate(slide, 1)
+    assert "press Engage first" in (page.locator("#hint").text_content() or "")
+    eventually(lambda: shown("grip-left") == 0)
     click_engage(page, robot)
     page.keyboard.press("z")
     page.keyboard.press("c")
@@ -361,7 +384,11 @@ def test_without_a_headset_keys_and_sliders_grasp_and_turn_the_head(pages, robot
     page.keyboard.press("z")
     page.keyboard.press("c")
     eventually(lambda: eye.fist("L") < 0.1 and eye.gap("R") > 0.04)
-    slide = "(slider, value) => { slider.value = value; slider.dispatchEvent(new Event('input')) }"
     page.locator("[data-field=pinch-left]").evaluate(slide, 1)
     page.locator("[data-field=neck-yaw]").evaluate(slide, 0.5)
     eventually(lambda: eye.gap("L") < 0.01 and eye.neck()[0] > 0.4)
+    page.keyboard.press("Escape")
+    eventually(lambda: robot.health["state"] == "STOPPED")
+    assert (shown("pinch-left"), shown("grip-left"), shown("neck-yaw")) == (pytest.approx(1, abs=0.03), 0, 0.5)
+    robot.ask("/api/reset", "POST")
+    eventually(lambda: (shown("pinch-left"), shown("neck-yaw"), shown("neck-pitch")) == (0, 0, 0.3))

@@ -121,6 +121,33 @@ def test_stop_stops_and_only_a_fresh_press_goes_on(pages, robot):
     engage(page, robot)
 
 
+def test_engage_and_stop_answer_to_enter(pages, robot):
+    page = pages()
+
+    def follows() -> bool:
+        if not page.locator("#engage.on").count():
+            page.locator("#engage").focus()
+            page.keyboard.press("Enter")
+        return robot.health["state"] == "ENGAGED"
+
+    eventually(follows, 30)
+    page.locator("#stop").focus()
+    page.keyboard.press("Enter")
+    eventually(lambda: robot.health["state"] == "STOPPED", 2)
+
+
+def test_a_request_that_fails_is_told_and_a_page_waits_for_what_it_needs(pages, robot):
+    page = pages()
+    page.route("**/api/stop", lambda route: route.abort())
+    page.keyboard.press("Escape")
+    eventually(lambda: "Stop did not reach the robot" in (page.locator("#hint").text_content() or ""))
+    page.route("**/api/scene", lambda route: route.abort())
+    page.reload()
+    eventually(lambda: page.locator("#lost:not([hidden])").count(), 60)
+    page.unroute("**/api/scene")
+    eventually(lambda: page.locator("#lost[hidden]").count() and page.locator("#state").inner_text() == "Stopped", 60)
+
+
 def test_keys_in_a_text_field_and_shortcuts_drive_nothing(pages, robot):
     page = pages()
     engage(page, robot)
@@ -135,6 +162,19 @@ def test_keys_in_a_text_field_and_shortcuts_drive_nothing(pages, robot):
     page.keyboard.type("wwd")
     assert robot.vx == 0
     assert page.locator("#label").input_value() == "wwd"
+
+
+def test_space_presses_what_tab_reached_and_engages_after_a_click(pages, robot):
+    page = pages()
+    page.locator("#panel").evaluate("panel => (panel.hidden = false)")
+    page.locator("#label").focus()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Space")
+    assert page.locator("#fresh").is_checked()
+    assert page.locator("#engage.on").count() == 0
+    page.locator("#fresh").dispatch_event("pointerdown")  # a pointer's click leaves the focus there
+    engage(page, robot)
+    assert page.locator("#fresh").is_checked()
 
 
 def test_a_watcher_drives_nothing_until_it_takes_over(pages, robot):
@@ -300,6 +340,10 @@ def test_an_episode_is_recorded_listed_played_back_and_deleted(pages, robot):
     eventually(lambda: float(page.locator("#playback-time").get_attribute("max") or 0) > 0.5)
     engage(page, robot)  # ends the playback: nobody drives blind
     eventually(lambda: page.locator("#playback[hidden]").count())
+    walk(page, robot)
+    click(page, "#episodes [title='Play back']")
+    eventually(lambda: robot.health["state"] == "HOLD" and robot.vx == 0)
+    eventually(lambda: page.locator("#playback:not([hidden])").count())
     click(page, "#episodes [title=Delete]")
     click(page, "#episodes [data-sure]")
     eventually(lambda: robot.ask("/api/episodes") == [])

@@ -131,7 +131,7 @@ def test_health_has_every_field_that_scripts_rely_on(site: Site) -> None:
     assert health["upright"] is True
     assert health["ticks"] > 0
     assert set(health["base"]) == {"x", "y", "z", "yaw", "roll", "pitch", "vx", "vy", "yaw_rate"}
-    assert set(health["command"]) == {"vx", "vy", "yaw_rate", "height", "roll", "pitch"}
+    assert set(health["command"]) == {"vx", "vy", "yaw_rate", "height", "roll", "pitch", "hands", "neck", "waist"}
     assert health["driver"] is None
     for side in ("left", "right"):
         for kind in ("target", "reachable", "actual"):
