@@ -32,11 +32,15 @@ class Stance:
         table = (solved + mirrored) / 2
         upright = table[list(HEIGHTS).index(spec.nominal_height), len(LEANS) // 2, len(LEANS) // 2]
         self._interpolate = RegularGridInterpolator((HEIGHTS, LEANS, LEANS), table - upright + spec.home[self._legs])
+        self._posture = self._angles = np.empty((0, 3))
 
     def __call__(self, posture: np.ndarray) -> np.ndarray:
         """Leg angles [n, 12], rad, for height [m], roll and pitch [rad] [n, 3]; postures beyond the table are clamped."""
-        low, high = (HEIGHTS[0], LEANS[0], LEANS[0]), (HEIGHTS[-1], LEANS[-1], LEANS[-1])
-        return np.clip(self._interpolate(np.clip(posture, low, high)), self._lower, self._upper)
+        if not np.array_equal(posture, self._posture):  # seldom: interpolating takes longer than the leg policy
+            low, high = (HEIGHTS[0], LEANS[0], LEANS[0]), (HEIGHTS[-1], LEANS[-1], LEANS[-1])
+            self._posture = posture.copy()
+            self._angles = np.clip(self._interpolate(np.clip(posture, low, high)), self._lower, self._upper)
+        return self._angles.copy()
 
 
 def _solve(robot: Robot) -> np.ndarray:

@@ -24,13 +24,35 @@ from robots.state import State
 
 
 @dataclass(frozen=True)
-class _Learnt:
-    """One set of weights."""
+class Learnt:
+    """One set of leg weights."""
 
     actor: Callable[[np.ndarray], np.ndarray]
     """Observations [count, size] -> actions [count, 12]."""
     prior: str | None
+    """Name of the motion prior whose z it sees."""
     card: dict
+
+    @staticmethod
+    def load(spec: RobotSpec, name: str, count: int = 1) -> Learnt:
+        """Weights for `count` robots at once: shipped ones by name, or a .safetensors file.
+
+        Raises:
+            UnknownPolicy, WrongWeights, DamagedWeights: see `policies.checkpoint`.
+        """
+        mirrors = Mirror.stack(list(layout(spec).values())), action_mirror(spec)
+        expect = {"kind": "walk", "robot": spec.name, "observation": len(mirrors[0].sign)}
+        path = checkpoint.find(name, "walk")
+        tensors, card = checkpoint.load(path, expect)
+        if "prior" not in card:
+            raise DamagedWeights(path, "its card does not name its prior, or null")
+        actor = Actor(*mirrors)
+        checkpoint.check(path, tensors, actor.state_dict())
+        actor.load_state_dict(tensors)
+        if count > 1:
+            return Learnt(partial(_run, actor.eval()), card["prior"], card)
+        single = SingleActor({name: tensor.numpy() for name, tensor in tensors.items()}, *mirrors)
+        return Learnt(lambda observation: single(observation[0])[None], card["prior"], card)
 
 
 class Walk:
@@ -46,7 +68,7 @@ class Walk:
         self.observer = Observer(robot.spec, count)
         self._stance = Stance(robot)
         self.gait = Gait(count, 1 / robot.spec.policy_rate)
-        self._learnt = [_load(robot.spec, each, self.observer.size, count) for each in (name, *others)]
+        self._learnt = [Learnt.load(robot.spec, each, count) for each in (name, *others)]
         priors = {learnt.prior for learnt in self._learnt}
         self._latents = {prior: Latent(robot.spec, Prior.load(prior, robot.spec) if prior else None, count) for prior in priors}
         self.chosen = 0
@@ -92,21 +114,6 @@ class Walk:
         self.observation = self.observer.observe(state, self.gait, twist, posture, stance, self.action, self.latent)
         self.action = learnt.actor(self.observation)
         return leg_targets(self._spec, stance, self.action)
-
-
-def _load(spec: RobotSpec, name: str, observation: int, count: int) -> _Learnt:
-    path, expect = checkpoint.find(name, "walk"), {"kind": "walk", "robot": spec.name, "observation": observation}
-    mirrors = Mirror.stack(list(layout(spec).values())), action_mirror(spec)
-    tensors, card = checkpoint.load(path, expect)
-    if "prior" not in card:
-        raise DamagedWeights(path, "its card does not name its prior, or null")
-    actor = Actor(*mirrors)
-    checkpoint.check(path, tensors, actor.state_dict())
-    actor.load_state_dict(tensors)
-    if count > 1:
-        return _Learnt(partial(_run, actor.eval()), card["prior"], card)
-    single = SingleActor({name: tensor.numpy() for name, tensor in tensors.items()}, *mirrors)
-    return _Learnt(lambda observation: single(observation[0])[None], card["prior"], card)
 
 
 @torch.inference_mode()
