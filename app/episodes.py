@@ -48,8 +48,6 @@ class StartOrder(Wire):
 
     label: Label = ""
     """What is to be done, in words."""
-    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
-    """Of the reset before it."""
 
 
 class StopOrder(Wire):
@@ -87,7 +85,7 @@ class EpisodeRecord(Wire):
     label: str
     success: bool | None
     seed: int
-    """Of the reset before it; 0: not varied."""
+    """Of the newest reset before it; 0: home."""
     gaps: int
     """Places where ticks are missing."""
     missing: int
@@ -149,13 +147,24 @@ class CannotJudge(Exception):
 class Episodes:
     """All episodes of a folder, the one being recorded included. Safe to use from several threads."""
 
-    def __init__(self, directory: Path, describe: Callable[[], tuple[Metadata, bytes | None]], rows: RowRing) -> None:
-        """Start the recorder, and mend in the background what a crash left behind. Arguments as for `Recorder`."""
+    def __init__(
+        self, directory: Path, describe: Callable[[], tuple[Metadata, bytes | None]], rows: RowRing, seed: Callable[[], int] = lambda: 0
+    ) -> None:
+        """Start the recorder, and mend in the background what a crash left behind. Arguments as for `Recorder`; `seed` tells that
+        of the newest reset."""
         self.library = Library(directory)
-        self.recorder = Recorder(directory, describe, rows)
+        self.recorder, self._seed = Recorder(directory, describe, rows), seed
         self._summaries: dict[str, Summary] = {}
         self._judging = threading.Lock()
         threading.Thread(target=self.library.tidy, name="tidy recordings", daemon=True).start()
+
+    def start(self, label: str = "") -> str:
+        """Record from now on; returns the episode's id.
+
+        Raises:
+            WrongMoment, DiskFailed
+        """
+        return self.recorder.start(label, self._seed())
 
     def infos(self) -> list[EpisodeInfo]:
         """Every episode, newest first."""
@@ -269,8 +278,7 @@ def router(episodes: Episodes) -> APIRouter:
     def start(order: StartOrder | None = None) -> Started:
         """Record from now on."""
         with _as_http():
-            order = order or StartOrder()
-            return Started(id=episodes.recorder.start(order.label, order.seed))
+            return Started(id=episodes.start(order.label if order else ""))
 
     @api.post("/{id}/stop")
     def stop(id: Id, order: StopOrder | None = None) -> EpisodeRecord:

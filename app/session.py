@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import logging
-import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 from fastapi import FastAPI
 
-from app import clock, episodes, invite, legs
+from app import episodes, invite, legs
 from app.config import Serve
 from app.errors import UnknownSource, UnusableSource
 from app.factory import Factory
@@ -22,12 +20,12 @@ from app.inputs.source import Source
 from app.inputs.webxr import Headsets
 from app.mode import Reason
 from app.outputs import forecast, metrics
-from app.outputs.tape import RecordingError
 from app.outputs.telemetry import Names, Telemetry
 from app.page import Page
 from app.protocol import Health
 from app.server import create_app
 from app.simulation import Simulation
+from app.watch import Watch
 from policies import checkpoint
 from policies.episode import DamagedRecording, Metadata
 from policies.errors import UnknownPolicy
@@ -35,17 +33,11 @@ from policies.motion.clip import Clip
 from policies.recording.provenance import describe
 from robots import catalog
 
-_log = logging.getLogger(__name__)
-
 SOURCES: dict[str, Callable[[str], Source]] = {
     "circle": Circle,
     "replay": Replay,
 }
 """What `--sources NAME` or `NAME:ARGUMENT` may name. Pages, headsets and scripts come through the operator's socket."""
-WATCH_PERIOD = 0.1
-"""How often the simulation process is checked for life [s]."""
-LOG_PERIOD = 10.0
-"""How often the latency of every stage is logged while somebody drives [s]."""
 
 
 class Session:
@@ -81,14 +73,13 @@ class Session:
         self._host, self._names, exchange = config.host, config.names, self.simulation.exchange
         self.operators = Operators(exchange.commands, self.simulation.applied)
         description = ThreadPoolExecutor(1).submit(self._describe)  # ready before the first episode
-        self.episodes = episodes.Episodes(config.recordings, description.result, exchange.rows)
+        self.episodes = episodes.Episodes(config.recordings, description.result, exchange.rows, lambda: self.operators.seed)
         priors = [checkpoint.card(checkpoint.find(name, "walk"))["prior"] for name in (str(self._weights), *others)]
         self._forecaster = forecast.Forecaster(self._robot, self.policies, priors, exchange.snapshots)
         names = Names(config.robot, self.policies, self._robot.spec.policy_rate)
         self._telemetry = Telemetry(names, self.simulation, self.operators)
         self._feeds = [Feed(source, self.operators, self.simulation.applied) for source in sources]
-        self._closing = threading.Event()
-        threading.Thread(target=self._watch, name="watch", daemon=True).start()
+        self._watch = Watch(self.health, lambda: self.simulation.lost, self.episodes.recorder)
 
     def app(self) -> FastAPI:
         """The site."""
@@ -130,12 +121,11 @@ class Session:
         """Put the robot back home, or near it by a seed; start the simulation again if it is lost (blocks until it stands)."""
         if self.simulation.lost:
             self.simulation.restart()
-        else:
-            self.operators.reset(seed)
+        self.operators.reset(seed)
 
     def close(self) -> None:
         """End the open episode, then the simulation."""
-        self._closing.set()
+        self._watch.close()
         for feed in self._feeds:
             feed.close()
         self.episodes.close()
@@ -146,24 +136,6 @@ class Session:
         reasons = [reason.sentence for reason in Reason]
         rows = self.simulation.exchange.rows.dtype
         return describe(self._robot.spec, self._model, rows, self.policies, self._weights, reasons)
-
-    def _watch(self) -> None:
-        """Tell the log what becomes of the robot and of the latencies; close the recording of a simulation that died."""
-        logged, before = clock.now(), ""
-        while not self._closing.wait(WATCH_PERIOD):
-            now = self.health()
-            if now.state != before:
-                before = now.state
-                _log.info("state", extra={"state": now.state, "reason": now.reason, "driver": now.driver, "tick": now.ticks})
-            if clock.now() - logged > LOG_PERIOD and any(self.operators.drivers.values()):
-                logged = clock.now()
-                _log.info("latency", extra={"latency_ms": now.latency_ms.model_dump(), "filter_ms": now.filter_ms})
-            recording = self.episodes.recorder.status().open
-            if recording and self.simulation.dead:
-                try:
-                    self.episodes.recorder.stop(recording.id)
-                except RecordingError as error:
-                    _log.error("%s", error)
 
 
 def _source(wanted: str) -> Source:

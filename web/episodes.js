@@ -14,7 +14,6 @@ export class Episodes {
   #recording = null; // id of the open episode
   #since = 0;
   #list = [];
-  #seed = 0; // of the start that this page made; 0: none since the last episode
 
   // reset: puts the robot back, with a seed; resolves to whether it did.
   constructor($, stage, controls, reset) {
@@ -33,7 +32,7 @@ export class Episodes {
   // Start recording, or stop.
   async toggle() {
     if (this.#recording) return this.end(null);
-    if (await this.#ask("POST", "", { label: this.#task, seed: this.#seed })) this.#seed = 0;
+    this.#ask("POST", "", { label: this.#task });
   }
 
   // Stop recording; success: true, false, or null for unmarked.
@@ -79,9 +78,7 @@ export class Episodes {
   async #afresh() {
     if (!this.$("#fresh").checked) return;
     const seed = Number(localStorage.getItem(SEED) ?? 1);
-    if (!(await this.reset(seed))) return;
-    localStorage.setItem(SEED, (seed % 1e6) + 1);
-    this.#seed = seed;
+    if (await this.reset(seed)) localStorage.setItem(SEED, (seed % 1e6) + 1);
   }
 
   #item(episode) {

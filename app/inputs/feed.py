@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 
 from app import clock
+from app.arbiter import Role
 from app.inputs.operator import Operators
 from app.inputs.source import Source
 from policies.command import Command
@@ -37,7 +38,7 @@ class Feed:
         client.name = self._source.name
         try:
             while not self._ends.wait(PERIOD if seq else 0):
-                taken = [role for role, driver in self._operators.drivers.items() if driver not in (client, None)]
+                taken: list[Role] = [role for role, driver in self._operators.drivers.items() if driver not in (client, None)]
                 message = self._source.message(seq, clock.now() - began if seq else 0.0, self._applied(), taken)
                 if message is None:
                     return

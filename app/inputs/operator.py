@@ -75,7 +75,9 @@ class Operators:
         self._lock = threading.Lock()
         self._seats: dict[Role, Seat] = {role: Seat(Merged(role)) for role in ROLES}
         self._clients: dict[str, Client] = {}
-        self._joined = self._stops = self._resets = self._seed = self._policy = 0
+        self._joined = self._stops = self._resets = self._policy = 0
+        self.seed = 0
+        """Of the newest reset; 0: home."""
         self.rejected = 0
         """Messages that were refused, or a part of them."""
 
@@ -125,7 +127,7 @@ class Operators:
         """Somebody who may pressed Reset; a seed other than 0 varies where the robot stands then."""
         with self._lock:
             self._resets += 1
-            self._seed = seed
+            self.seed = seed
             self._write()
 
     def choose(self, policy: int) -> None:
@@ -217,7 +219,7 @@ class Operators:
         record["presses"] = [part.presses for part in parts.values()]
         record["vector"], record["given"] = _command(parts).vector(), parts["arms"].given
         record["smooth"] = parts["arms"].smooth
-        record["stops"], record["resets"], record["seed"] = self._stops, self._resets, self._seed
+        record["stops"], record["resets"], record["seed"] = self._stops, self._resets, self.seed
         record["policy"] = self._policy
         self._commands.push(record)
 

@@ -50,7 +50,7 @@ def driven(rows: np.ndarray) -> list[Role]:
     """The roles that somebody drove while the robot followed these commands [n, 36]: what nobody drives never changes."""
     arms, legs = ((rows[:, part] != rows[:1, part]).any() for part in (slice(ARMS, None), slice(1, ARMS)))
     walks = rows[:, slice(*COMMAND_LAYOUT["twist"])].any()
-    moved: dict[Role, bool] = {"arms": arms, "legs": legs or walks}
+    moved: dict[Role, bool] = {"arms": bool(arms), "legs": bool(legs or walks)}
     return [role for role, did in moved.items() if did]
 
 

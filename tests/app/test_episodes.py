@@ -32,8 +32,8 @@ class Site:
     """A server with nothing but episodes."""
 
     def __init__(self, folder: Path) -> None:
-        self.ring = Ring(np.zeros(Ring.size(DTYPE, 256), np.uint8), DTYPE, 256)
-        self.episodes = Episodes(folder, lambda: (METADATA, PACKED_MODEL), self.ring)
+        self.ring, self.seed = Ring(np.zeros(Ring.size(DTYPE, 256), np.uint8), DTYPE, 256), 0
+        self.episodes = Episodes(folder, lambda: (METADATA, PACKED_MODEL), self.ring, lambda: self.seed)
         app = FastAPI()
         app.include_router(router(self.episodes))
         self._server = uvicorn.Server(uvicorn.Config(app, port=0, log_level="error", ws="none"))
@@ -93,6 +93,13 @@ def test_record_list_and_stop(site: Site):
     assert stopped["rows"] == 10
     assert site.json("GET", "") == [stopped]
     assert (stopped["label"], stopped["success"], stopped["ended"], stopped["gaps"]) == ("waved", True, "stopped", 0)
+
+
+def test_an_episode_keeps_the_seed_of_the_reset_before_it_whoever_records(site: Site):
+    for site.seed in (7, 0):
+        site.record(5)
+    assert [episode["seed"] for episode in site.json("GET", "")] == [0, 7]
+    assert site.ask("POST", "", {"seed": 3})[0] == 422
 
 
 def test_a_download_is_a_file_of_its_own(site: Site, tmp_path: Path):
@@ -266,8 +273,7 @@ def test_an_episode_that_cannot_be_judged_says_why(site: Site):
     id, _ = site.record(5)
     code, text = site.ask("GET", f"/{id}/summary")
     assert (code, "mujoco" in json.loads(text)["detail"]) == (409, True)
-    open_one = site.json("POST", "", {"label": "wave", "seed": 3})["id"]
-    assert site.json("GET", "")[0]["seed"] == 3
+    open_one = site.json("POST", "", {"label": "wave"})["id"]
     assert site.ask("GET", f"/{open_one}/summary")[0] == 409
     assert site.ask("GET", "/nothing/summary")[0] == 404
 
