@@ -15,10 +15,10 @@ from robots.spec import RobotSpec
 GHOST_FACES = 3000
 """Triangles of a ghost hand."""
 GHOST_RGB = (255, 176, 46)
-EXPECTED_RGB = (130, 92, 240)
+EXPECTED_RGB = (118, 72, 240)
 BEADS = 10
 """Of the way that the motion prior expects a wrist to go: one for each 0.1 s."""
-BEAD_SIZE, BEAD_OPACITY = (0.017, 0.009), (0.85, 0.2)
+BEAD_SIZE, BEAD_OPACITY = (0.018, 0.009), (0.95, 0.35)
 """Of the nearest and the farthest: radius [m] and opacity."""
 HANDLE_SIZE = 0.15
 """Length of a handle's arrows [m]."""
@@ -69,7 +69,7 @@ def _wrist(server: viser.ViserServer, model: mujoco.MjModel, found: list[geometr
     vertices, faces = geometry.subtree(model, found, hand, site, GHOST_FACES)
     glassy: dict[str, Any] = {"cast_shadow": False, "receive_shadow": False, "visible": False}
     scene.add_mesh_simple(ghost, vertices, faces, color=GHOST_RGB, opacity=0.4, **glassy)
-    scene.add_mesh_simple(expected, vertices, faces, color=EXPECTED_RGB, opacity=0.3, **glassy)
+    scene.add_mesh_simple(expected, vertices, faces, color=EXPECTED_RGB, opacity=0.4, **glassy)
     sphere, rgb = shapes.surface(mujoco.mjtGeom.mjGEOM_SPHERE, np.ones(3)), EXPECTED_RGB
     for bead, size, opacity in zip(ahead, np.linspace(*BEAD_SIZE, BEADS), np.linspace(*BEAD_OPACITY, BEADS), strict=True):
         scene.add_mesh_simple(bead, *sphere, scale=float(size), color=rgb, opacity=float(opacity), **glassy)
