@@ -16,10 +16,12 @@ from app.errors import BadCertificate
 
 DAYS = 820
 """Validity; Apple's devices trust none that is valid for more than 825 days."""
+SPARE = 86400
+"""One that ends within this time is made anew [s]."""
 
 
 def provided(config: Serve, address: str) -> Serve:
-    """The configuration with a certificate in it where it asks for a self-made one.
+    """The configuration with a certificate, and the names in it, where it asks for a self-made one.
 
     Args:
         config: what the program is started with.
@@ -32,13 +34,15 @@ def provided(config: Serve, address: str) -> Serve:
         return config
     if config.certificate or config.key:
         raise BadCertificate("--self-signed makes one and --certificate names another")
+    if not shutil.which("openssl"):
+        raise BadCertificate("openssl is not installed, which makes it: apt-get install openssl")
     names = sorted({"localhost", "127.0.0.1", address, socket.gethostname(), f"{socket.gethostname()}.local", *config.names})
     folder = _folder()
     kept = folder / f"{hashlib.sha256(' '.join(names).encode()).hexdigest()[:12]}.pem"
     key = kept.with_suffix(".key")
-    if not (kept.exists() and key.exists()):
+    if not (key.exists() and _lasts(kept)):
         _make(names, kept, key)
-    return replace(config, certificate=kept, key=key)
+    return replace(config, certificate=kept, key=key, names=tuple(names))
 
 
 def _folder() -> Path:
@@ -46,9 +50,13 @@ def _folder() -> Path:
     return (Path(base) if base else Path.home() / ".local" / "share") / "humanoid-teleop"
 
 
+def _lasts(certificate: Path) -> bool:
+    """Whether it is there and valid for a while."""
+    command = ["openssl", "x509", "-checkend", str(SPARE), "-noout", "-in", str(certificate)]
+    return certificate.exists() and subprocess.run(command, capture_output=True, timeout=60).returncode == 0
+
+
 def _make(names: list[str], certificate: Path, key: Path) -> None:
-    if not shutil.which("openssl"):
-        raise BadCertificate("openssl is not installed, which makes it: apt-get install openssl")
     stated = ",".join(f"{'IP' if _is_address(name) else 'DNS'}:{name}" for name in names)
     command = [
         "openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", str(DAYS),

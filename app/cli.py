@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -40,7 +41,7 @@ examples:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line. Returns the exit code; an error that a person can mend is one sentence."""
+    """Run the command line. Returns the exit code: 1 after an error, which is one sentence, and 130 when somebody broke it off."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as cleanly as Ctrl-C
     try:
         chosen = _parse(list(sys.argv[1:] if arguments is None else arguments))
@@ -49,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"teleop: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
-        return 0
+        return 130
 
 
 def serve(config: Serve, clip: Clip | None = None, speed: float = 1.0) -> int:
@@ -82,7 +83,8 @@ def serve(config: Serve, clip: Clip | None = None, speed: float = 1.0) -> int:
                 ssl_certfile=config.certificate,
                 ssl_keyfile=config.key,
             )
-            uvicorn.Server(options).run(sockets=[listener])
+            with suppress(KeyboardInterrupt):
+                uvicorn.Server(options).run(sockets=[listener])
         finally:
             session.close()
     return 0

@@ -1,7 +1,7 @@
 """Who may talk to this server at all: pages that it served itself, under names that it goes by, to people who know its token.
 
 A page of another site cannot open a socket here (its Origin differs from our Host), and a name that somebody points at
-our address does not help it (that Host is not ours). The token, where there is one, comes once in the address of the page and
+our address does not help it (that Host is not ours). The token, where there is one, comes once in the address of a page and
 from then on in a cookie that no script reads and no other site sends; programs send it as `Authorization: Bearer TOKEN`.
 """
 
@@ -22,8 +22,11 @@ _log = logging.getLogger(__name__)
 
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 COOKIE = "teleop_token"
-WELCOME = '<!doctype html><title>humanoid-teleop</title><meta http-equiv="refresh" content="0; url=/?{}">'
+PAGES = ("/", "/xr")
+"""Addresses at which the token may be given."""
+WELCOME = '<!doctype html><title>humanoid-teleop</title><meta http-equiv="refresh" content="0; url={}?{}">'
 """Goes on to the page from an address of ours: a cookie that is strict would not travel with a redirect from another site's link."""
+STRANGE = "this address only serves its own page, under names that it knows; teleop --names NAME adds one\n"
 PRIVATE = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer"}
 
 
@@ -49,7 +52,7 @@ class Gate:
             return
         headers, refused = Headers(scope=scope), None
         if not self.allows(headers, (scope.get("server") or ("",))[0]):
-            refused = PlainTextResponse("this address only serves its own page\n", 403)
+            refused = PlainTextResponse(STRANGE, 403)
         elif not self.knows(headers):
             refused = self._welcome(scope) or PlainTextResponse("open the address with the token that teleop printed\n", 401)
         if refused is None:
@@ -80,12 +83,12 @@ class Gate:
         return self._is_token(bearer if kind.lower() == "bearer" else cookie)
 
     def _welcome(self, scope: Scope) -> Response | None:
-        """The answer to the address with the token in it; None to any other."""
+        """The answer to a page's address with the token in it; None to any other."""
         query = dict(parse_qsl(scope["query_string"].decode("latin-1")))
         given = query.pop("token", "")
-        if scope["type"] != "http" or scope["method"] != "GET" or scope["path"] != "/" or not self._is_token(given):
+        if scope["type"] != "http" or scope["method"] != "GET" or scope["path"] not in PAGES or not self._is_token(given):
             return None
-        answer = HTMLResponse(WELCOME.format(html.escape(urlencode(query))), headers=PRIVATE)
+        answer = HTMLResponse(WELCOME.format(scope["path"], html.escape(urlencode(query))), headers=PRIVATE)
         answer.set_cookie(COOKIE, given, httponly=True, samesite="strict", secure=scope["scheme"] == "https", path="/")
         return answer
 

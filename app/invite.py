@@ -26,7 +26,7 @@ class Invitation(BaseModel):
 
 
 def router(token: str | None = None) -> APIRouter:
-    """GET /api/invite/{role}. The link holds the token, where there is one: whoever drives may let another one in."""
+    """GET /api/invite/{role}. The link holds the token, where there is one: whoever was let in may let others in."""
     api = APIRouter(tags=["robot"])
 
     @api.get("/api/invite/{role}")

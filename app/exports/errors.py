@@ -16,7 +16,7 @@ class MissingPackage(ExportError):
     """A format needs a package that is not installed."""
 
     def __init__(self, format: str, package: str) -> None:
-        super().__init__(f"--format {format} needs the package {package}; install it with: pip install 'humanoid-teleop[export]'")
+        super().__init__(f"--format {format} needs the package {package}; install it from the checkout with: pip install -e '.[export]'")
 
 
 class NothingChosen(ExportError):

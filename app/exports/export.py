@@ -98,7 +98,9 @@ def export(format: type[Format], all: Demonstrations, output: Path, look: Look, 
             painter = stack.enter_context(Painter(all.model, look.cameras, look.size, wrists)) if look.cameras else None
             writer = format(aside, all, look.cameras, look.size)
             for demonstration in all:
-                writer.add(demonstration, _counted(_frames(painter, demonstration), demonstration, advance))
+                frames = painter.frames(demonstration.signals["qpos"]) if painter else ()
+                writer.add(demonstration, _counted(frames, advance))
+                advance(0 if painter else len(demonstration))
             writer.finish()
         rows = sum(_verify(writer, demonstration, len(look.cameras)) for demonstration in all)
         aside.rename(output)
@@ -108,17 +110,10 @@ def export(format: type[Format], all: Demonstrations, output: Path, look: Look, 
     return Exported(output, len(all), rows, rows * len(look.cameras), missing)
 
 
-def _frames(painter: Painter | None, demonstration: Demonstration) -> Iterable[np.ndarray]:
-    return painter.frames(demonstration.signals["qpos"]) if painter else ()
-
-
-def _counted(frames: Iterable[np.ndarray], demonstration: Demonstration, advance: Callable[[int], None]) -> Frames:
-    drawn = 0
+def _counted(frames: Iterable[np.ndarray], advance: Callable[[int], None]) -> Frames:
     for frame in frames:
         advance(1)
-        drawn += 1
         yield frame
-    advance(len(demonstration) - drawn)
 
 
 def _verify(writer: Format, demonstration: Demonstration, cameras: int) -> int:

@@ -82,7 +82,7 @@ class Robomimic:
             found = {key: group[f"obs/{key}"][:] for key in OBSERVATIONS}
             kept = {"state": "states", "target": "actions_abs", "reward": "rewards", "tick": "ticks"}
             found |= {signal: group[key][:] for signal, key in kept.items()}
-            counts = [int(group[f"obs/{key}"][:].any(axis=(1, 2, 3)).sum()) for key in self._cameras]
+            counts = [group[f"obs/{key}"].id.get_num_chunks() for key in self._cameras]  # a picture each
             return found | {"done": group["dones"][:].astype(bool), "frames": np.array(counts, int)}
 
     def _normalised(self, target: np.ndarray) -> np.ndarray:

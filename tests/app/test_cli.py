@@ -54,6 +54,14 @@ def test_a_taken_port_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> Non
     assert "is taken by another program" in capsys.readouterr().err
 
 
+def test_a_command_that_is_broken_off_has_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def breaks_off(*_: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("app.recordings.replay", breaks_off)
+    assert main(["replay", "some.mcap"]) == 130
+
+
 def test_it_serves_a_standing_robot_and_ends_cleanly_with_ctrl_c(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "app", "--port", "0", "--recordings", str(tmp_path / "recordings")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2]) as teleop:

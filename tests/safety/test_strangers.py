@@ -30,7 +30,7 @@ from websockets.sync.client import connect
 
 from app import session as sessions
 from app.config import Serve
-from app.gate import COOKIE
+from app.gate import COOKIE, PAGES
 from app.log import configure
 from app.session import Session
 from app.token import BadToken, keep
@@ -153,7 +153,7 @@ def test_without_the_token_every_route_is_401(locked: Site, measured) -> None:
     for method, path in locked.routes:
         for headers in wrong:
             assert locked.status(method, path, **headers) == 401, (method, path, headers)
-        assert locked.status(method, f"{path}?token={TOKEN}") == (200 if (method, path) == ("GET", "/") else 401), (method, path)
+        assert locked.status(method, f"{path}?token={TOKEN}") == (200 if method == "GET" and path in PAGES else 401), (method, path)
     for headers in ({"Cookie": f'a=b; odd[0]="x; {COOKIE}={TOKEN}'}, {"Authorization": f"Bearer {TOKEN}"}):
         assert locked.status("GET", "/api/health", **headers) == 200
         assert locked.status("WS", "/api/operator", **headers) == 101
@@ -163,11 +163,12 @@ def test_without_the_token_every_route_is_401(locked: Site, measured) -> None:
 
 
 @pytest.mark.row(20)
-def test_the_token_comes_once_in_the_address_and_then_in_a_strict_cookie(locked: Site) -> None:
-    with urllib.request.urlopen(f"http://127.0.0.1:{locked.port}/?token={TOKEN}&role=arms", timeout=20) as answer:
+@pytest.mark.parametrize("path", PAGES)
+def test_the_token_comes_once_in_the_address_and_then_in_a_strict_cookie(locked: Site, path: str) -> None:
+    with urllib.request.urlopen(f"http://127.0.0.1:{locked.port}{path}?token={TOKEN}&role=arms", timeout=20) as answer:
         text, headers = answer.read().decode(), answer.headers
     assert TOKEN not in text
-    assert "url=/?role=arms" in text
+    assert f"url={path}?role=arms" in text
     assert headers["Referrer-Policy"] == "no-referrer"
     assert headers["Cache-Control"] == "no-store"
     cookie = headers["Set-Cookie"].lower()

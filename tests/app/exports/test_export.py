@@ -6,6 +6,8 @@ import csv
 import hashlib
 import importlib.util
 import json
+from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import mujoco
@@ -54,6 +56,14 @@ def test_every_recorded_row_is_there_and_nothing_is_left_aside(session: Path, tm
     done = run(session, format, tmp_path / "out")
     assert (done.episodes, done.rows, done.missing) == (3, 60, 2)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("format", ["robomimic", "viser", "csv"])
+def test_every_row_is_told_once_as_it_is_written(session: Path, tmp_path: Path, format: str) -> None:
+    written, told = exports.load(format), []
+    all = Demonstrations([session], Choice(), written.fps)
+    done = exports.export(written, all, tmp_path / "out", exports.check(written, NO_PICTURES), told.append)
+    assert sum(told) == done.rows == all.rows
 
 
 @pytest.mark.parametrize("format", ["lerobot", "gr00t", "robomimic", "csv"])
@@ -220,6 +230,21 @@ def test_rows_are_thinned_evenly_or_not_at_all(session: Path) -> None:
         Demonstrations([session], Choice(), fps=30)
 
 
+@pytest.mark.parametrize("drawn", [24, 23])
+def test_pictures_are_counted_however_dark_they_are(session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drawn: int) -> None:
+    class Night:
+        def frames(self, qpos: np.ndarray) -> Iterator[np.ndarray]:
+            yield from np.zeros((min(len(qpos), drawn), 1, 24, 32, 3), np.uint8)
+
+    monkeypatch.setattr(exports, "Painter", lambda *_: nullcontext(Night()))
+    look = Look(cameras=("head",), size=(32, 24))
+    if drawn == 24:
+        assert run(session, "robomimic", tmp_path / "out", look).pictures == 60
+    else:
+        with pytest.raises(NotWhatWasRecorded, match=r"pictures .* are \[23\] instead of 24 a camera"):
+            run(session, "robomimic", tmp_path / "out", look)
+
+
 def test_what_is_not_the_recording_is_not_kept(session: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     robomimic = exports.load("robomimic")
     add = robomimic.add
@@ -244,7 +269,7 @@ def test_an_existing_folder_is_left_alone(session: Path, tmp_path: Path) -> None
 def test_a_missing_package_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     find_spec = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *rest: None if name == "av" else find_spec(name, *rest))
-    with pytest.raises(MissingPackage, match=r"needs the package av; install it with: pip install 'humanoid-teleop\[export\]'"):
+    with pytest.raises(MissingPackage, match=r"needs the package av; install it from the checkout with: pip install -e '\.\[export\]'"):
         exports.load("gr00t")
 
 
