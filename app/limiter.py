@@ -7,7 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
-from app.one_euro import OneEuro
+from app.one_euro import OneEuro, turn_between
 from policies.command import Command
 
 TWIST = np.array([[-0.6, -0.4, -1.0], [1.0, 0.4, 1.0]])
@@ -126,20 +126,13 @@ def _towards(now: np.ndarray, goal: np.ndarray, step: np.ndarray | float) -> np.
     return now + np.clip(goal - now, -step, step)
 
 
-def _turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """The rotation vector from one quaternion to the other, the short way [3], rad."""
-    turn = np.empty(3)
-    mujoco.mju_subQuat(turn, end, start)
-    return turn
-
-
 def _far(a: np.ndarray, b: np.ndarray) -> bool:
-    return bool(np.linalg.norm(b[:3] - a[:3]) > JUMP or np.linalg.norm(_turn(a[3:], b[3:])) > JUMP_TURN)
+    return bool(np.linalg.norm(b[:3] - a[:3]) > JUMP or np.linalg.norm(turn_between(a[3:], b[3:])) > JUMP_TURN)
 
 
 def _pose_towards(now: np.ndarray, goal: np.ndarray, distance: float, angle: float) -> np.ndarray:
     """The pose [7] on the way to goal, at most distance [m] and angle [rad] away from now."""
-    way, turn = goal[:3] - now[:3], _turn(now[3:], goal[3:])
+    way, turn = goal[:3] - now[:3], turn_between(now[3:], goal[3:])
     share = min(1.0, distance / max(float(np.linalg.norm(way)), 1e-12))
     turn_share = min(1.0, angle / max(float(np.linalg.norm(turn)), 1e-12))
     quaternion = now[3:].copy()

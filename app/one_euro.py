@@ -30,14 +30,14 @@ class OneEuro:
         """The smoothed pose [7] after one more measured one [7]."""
         blend = self._share(SPEED_CUTOFF)
         self._velocity += blend * ((pose[:3] - self._seen[:3]) / self._dt - self._velocity)
-        self._spin += blend * (_turn(self._seen[3:], pose[3:]) / self._dt - self._spin)
+        self._spin += blend * (turn_between(self._seen[3:], pose[3:]) / self._dt - self._spin)
         self._seen = pose.copy()
         share = self._share(CUTOFF + PER_SPEED * float(np.linalg.norm(self._velocity)))
         turn_share = self._share(CUTOFF + PER_TURN * float(np.linalg.norm(self._spin)))
         self.delay = (1 - share) / share * self._dt
         position = self._pose[:3] + share * (pose[:3] - self._pose[:3])
         quaternion = self._pose[3:].copy()
-        mujoco.mju_quatIntegrate(quaternion, _turn(quaternion, pose[3:]), turn_share)
+        mujoco.mju_quatIntegrate(quaternion, turn_between(quaternion, pose[3:]), turn_share)
         self._pose = np.concatenate([position, quaternion / np.linalg.norm(quaternion)])
         return self._pose
 
@@ -46,7 +46,7 @@ class OneEuro:
         return 1 / (1 + 1 / (2 * np.pi * cutoff * self._dt))
 
 
-def _turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+def turn_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """The rotation vector from one quaternion to the other, the short way [3], rad."""
     turn = np.empty(3)
     mujoco.mju_subQuat(turn, end, start)

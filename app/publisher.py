@@ -90,9 +90,4 @@ class Publisher:
 
 def base(state: State) -> np.ndarray:
     """x, y, z [m], yaw, roll, pitch [rad], velocity forward and left [m/s], yaw rate [rad/s] of the pelvis [9]."""
-    gravity, yaw = state.gravity, float(state.yaw)
-    roll, pitch = np.arctan2(-gravity[1], -gravity[2]), np.arcsin(np.clip(gravity[0], -1, 1))
-    forward = np.array([np.cos(yaw), np.sin(yaw)])
-    left = np.array([-forward[1], forward[0]])
-    velocity = state.velocity[:2]
-    return np.array([*state.position, yaw, roll, pitch, forward @ velocity, left @ velocity, -gravity @ state.gyro])
+    return np.array([*state.position, state.yaw, *state.roll_pitch, *state.heading_velocity, state.yaw_rate])

@@ -5,6 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from app.one_euro import turn_between
+
 JUMP, JUMP_TURN = 0.06, np.deg2rad(25)
 """Between two packets of a headset at 60 Hz no hand moves further; what does was tracked wrongly [m], [rad]."""
 PERIOD, PATIENCE = 1 / 60, 3.0
@@ -57,6 +59,5 @@ class Clutch:
         before, then = self._seen
         if now - then > STALE:
             return True
-        periods, turn = min(max((now - then) / PERIOD, 1.0), PATIENCE), np.empty(3)
-        mujoco.mju_subQuat(turn, hand[3:], before[3:])
+        periods, turn = min(max((now - then) / PERIOD, 1.0), PATIENCE), turn_between(before[3:], hand[3:])
         return bool(np.linalg.norm(hand[:3] - before[:3]) > JUMP * periods or np.linalg.norm(turn) > JUMP_TURN * periods)
