@@ -14,13 +14,11 @@ import numpy as np
 from app.arbiter import ROLES
 from app.limiter import Limiter
 from app.mode import Mode, Reason
-from policies.command import SIZE, Command
+from policies.command import AT, SIZE, Command
 from robots.state import State
 
 SILENCE = 0.2
 """An operator who sent nothing for this long is lost [s]."""
-FALLEN_TILT = np.deg2rad(60)
-"""Beyond this tilt the robot has fallen [rad]; so it has below half of its nominal height."""
 
 
 def _bounds() -> tuple[np.ndarray, np.ndarray]:
@@ -36,8 +34,8 @@ def _bounds() -> tuple[np.ndarray, np.ndarray]:
         waist=4.0,
     ).vector()
     lower = -wide
-    lower[[0, 4]] = 0.0
-    lower[21:33] = 0.0
+    for field in ("engage", "height", "hands"):
+        lower[AT[field]] = 0.0
     return lower, wide
 
 
@@ -49,7 +47,7 @@ def sane(vector: np.ndarray) -> bool:
     """Whether a command's vector is finite, inside the box and has unit quaternions."""
     if vector.shape != (SIZE,) or not np.all((vector >= _LOWER) & (vector <= _UPPER)):  # NaN fails both
         return False
-    lengths = np.linalg.norm(vector[7:21].reshape(2, 7)[:, 3:], axis=1)
+    lengths = np.linalg.norm(vector[AT["wrists"]].reshape(2, 7)[:, 3:], axis=1)
     return bool(np.all(np.abs(lengths - 1) < 0.01))
 
 
@@ -151,7 +149,7 @@ class Guard:
 
     def upright(self, state: State) -> bool:
         """Whether the robot has not fallen."""
-        return bool(-state.gravity[2] > np.cos(FALLEN_TILT) and state.position[2] > self._lowest)
+        return not state.fallen(self._lowest)
 
     @property
     def asked(self) -> Command:

@@ -1,4 +1,4 @@
-"""Turns what the operator asks into what the robot can follow: trained ranges, accelerations, wrist speeds."""
+"""Turns what the operator asks into what the robot can follow: what the legs are trained for, accelerations, wrist speeds."""
 
 from __future__ import annotations
 
@@ -9,22 +9,13 @@ import numpy as np
 
 from app.one_euro import OneEuro, turn_between
 from policies.command import Command
+from policies.envelope import next_posture, next_twist, towards
 
-TWIST = np.array([[-0.6, -0.4, -1.0], [1.0, 0.4, 1.0]])
-"""Trained velocities: lower, upper [2, 3], m/s and rad/s."""
-POSTURE = np.array([[0.8, -0.2, -0.2], [1.02, 0.2, 0.2]])
-"""Trained height, roll and pitch: lower, upper [2, 3], m and rad."""
 NECK = np.array([[-1.5, -0.9], [1.5, 1.2]])
 """Neck yaw and pitch: lower, upper [2, 2], rad."""
 WAIST = 0.8
 """Largest waist yaw [rad]."""
 
-TWIST_RATE = np.array([2.0, 2.0, 4.0])
-"""Accelerations that the legs are asked for [3], m/s^2 and rad/s^2."""
-TWIST_BRAKE = 2 * TWIST_RATE
-"""Decelerations: a released pedal stops the robot well within 300 ms."""
-POSTURE_RATE = np.array([0.3, 0.6, 0.6])
-"""Speed of height, roll and pitch [3], m/s and rad/s."""
 WRIST_SPEED, WRIST_TURN = 1.0, 3.0
 """m/s, rad/s"""
 HAND_RATE, NECK_RATE, WAIST_RATE = 5.0, 3.0, 1.0
@@ -78,26 +69,23 @@ class Limiter:
         now, dt = self.applied, self.dt
         return {
             "wrists": np.stack([self._wrist(side, wanted.wrists[side], bool(given[side]), smooth) for side in (0, 1)]),
-            "hands": _towards(now.hands, np.clip(wanted.hands, 0, 1), HAND_RATE * dt),
-            "neck": _towards(now.neck, np.clip(wanted.neck, *NECK), NECK_RATE * dt),
-            "waist": float(_towards(np.array(now.waist), np.clip(wanted.waist, -WAIST, WAIST), WAIST_RATE * dt)),
+            "hands": towards(now.hands, np.clip(wanted.hands, 0, 1), HAND_RATE * dt),
+            "neck": towards(now.neck, np.clip(wanted.neck, *NECK), NECK_RATE * dt),
+            "waist": float(towards(np.array(now.waist), np.clip(wanted.waist, -WAIST, WAIST), WAIST_RATE * dt)),
         }
 
     def _walk(self, wanted: Command) -> dict:
         """The legs' fields."""
         now, dt = self.applied, self.dt
-        asked = np.clip(wanted.twist, *TWIST)
-        rate = np.where(np.abs(asked) < np.abs(now.twist), TWIST_BRAKE, TWIST_RATE)
-        twist = _towards(now.twist, asked, rate * dt)
-        posture = np.clip([wanted.height, wanted.roll, wanted.pitch], *POSTURE)
-        height, roll, pitch = _towards(np.array([now.height, now.roll, now.pitch]), posture, POSTURE_RATE * dt)
+        twist = next_twist(now.twist, wanted.twist, dt)
+        height, roll, pitch = next_posture(now.posture, wanted.posture, dt)
         self._brake = np.abs(twist) / STOP_TIME
         return {"twist": twist, "height": float(height), "roll": float(roll), "pitch": float(pitch)}
 
     def _stand(self, elapsed: float) -> dict:
         """The legs' fields while nobody is followed: to zero velocity within STOP_TIME."""
         brake = self._brake * elapsed + 1e-9  # so that rounding leaves no creep
-        return {"twist": _towards(self.applied.twist, np.zeros(3), brake)}
+        return {"twist": towards(self.applied.twist, np.zeros(3), brake)}
 
     def _wrist(self, side: int, asked: np.ndarray, given: bool, smooth: bool) -> np.ndarray:
         """The next pose of one wrist [7]."""
@@ -120,10 +108,6 @@ class Limiter:
         smoother = self._filters[side] or OneEuro(self.applied.wrists[side], self.dt)
         self._filters[side] = smoother
         return smoother.step(asked)
-
-
-def _towards(now: np.ndarray, goal: np.ndarray, step: np.ndarray | float) -> np.ndarray:
-    return now + np.clip(goal - now, -step, step)
 
 
 def _far(a: np.ndarray, b: np.ndarray) -> bool:

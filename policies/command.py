@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+COMMAND_LAYOUT: Mapping[str, tuple[int, int]] = {
+    "engage": (0, 1),
+    "twist": (1, 4),
+    "height": (4, 5),
+    "roll": (5, 6),
+    "pitch": (6, 7),
+    "wrists": (7, 21),
+    "hands": (21, 33),
+    "neck": (33, 35),
+    "waist": (35, 36),
+}
+"""Field of `Command` -> (start, stop) in its vector, kept in every recording so that a reader needs no source code."""
+AT = {field: slice(*place) for field, place in COMMAND_LAYOUT.items()}
+"""The same as slices."""
 SIZE = 36
-"""Numbers in a command's vector: engage 1, twist 3, posture 3, wrists 2 x 7, hands 2 x 6, neck 2, waist yaw 1."""
+"""Numbers in a command's vector."""
 
 
 def _forearms_ahead() -> np.ndarray:
@@ -42,22 +57,28 @@ class Command:
         scalars = (self.height, self.roll, self.pitch)
         return np.concatenate([[float(self.engage)], self.twist, scalars, self.wrists.ravel(), self.hands.ravel(), self.neck, [self.waist]])
 
+    @property
+    def posture(self) -> np.ndarray:
+        """Height [m], roll and pitch [rad] [3]."""
+        return np.array([self.height, self.roll, self.pitch])
+
     @staticmethod
     def from_vector(row: np.ndarray) -> Command:
         """The command whose `vector` is row [SIZE]."""
         if row.shape != (SIZE,):
             raise ValueError(f"a command has {SIZE} numbers, not an array of shape {row.shape}")
         row = np.array(row, dtype=float)
+        engage, height, roll, pitch, waist = (row[AT[field]].item() for field in ("engage", "height", "roll", "pitch", "waist"))
         return Command(
-            engage=bool(row[0] > 0.5),
-            twist=row[1:4],
-            height=float(row[4]),
-            roll=float(row[5]),
-            pitch=float(row[6]),
-            wrists=row[7:21].reshape(2, 7),
-            hands=row[21:33].reshape(2, 6),
-            neck=row[33:35],
-            waist=float(row[35]),
+            engage=engage > 0.5,
+            twist=row[AT["twist"]],
+            height=height,
+            roll=roll,
+            pitch=pitch,
+            wrists=row[AT["wrists"]].reshape(2, 7),
+            hands=row[AT["hands"]].reshape(2, 6),
+            neck=row[AT["neck"]],
+            waist=waist,
         )
 
     def still(self) -> Command:

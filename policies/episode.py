@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from policies import command
+from policies.command import COMMAND_LAYOUT, SIZE
 
 FORMAT = 2
 """Version of the file layout. A reader refuses another one instead of guessing."""
@@ -19,19 +19,6 @@ STAGES = ("queue", "ik", "policy", "physics", "publish", "lateness")
 
 MODES = ("STOPPED", "HOLD", "ENGAGED", "FAULT")
 """What the `mode` field of a row means, by its value."""
-
-COMMAND_LAYOUT: Mapping[str, tuple[int, int]] = {
-    "engage": (0, 1),
-    "twist": (1, 4),
-    "height": (4, 5),
-    "roll": (5, 6),
-    "pitch": (6, 7),
-    "wrists": (7, 21),
-    "hands": (21, 33),
-    "neck": (33, 35),
-    "waist": (35, 36),
-}
-"""Field of `Command` -> (start, stop) in its vector, kept in every file so that a reader needs no source code."""
 
 Ending = Literal["open", "stopped", "closed", "truncated"]
 """open: still recording. stopped: the operator stopped it. closed: the program ended. truncated: a crash or a full disk ended it."""
@@ -62,8 +49,8 @@ def row_dtype(nu: int, nstate: int, nobs: int, nlatent: int, naction: int) -> np
             ("wall", "<f8"),  # unix time [s]
             ("state", "<f8", (nstate,)),  # mjSTATE_INTEGRATION before the step
             ("ctrl", "<f8", (nu,)),  # motor targets of this tick [rad]
-            ("raw", "<f8", (command.SIZE,)),  # Command.vector as received
-            ("applied", "<f8", (command.SIZE,)),  # Command.vector after the guard
+            ("raw", "<f8", (SIZE,)),  # Command.vector as received
+            ("applied", "<f8", (SIZE,)),  # Command.vector after the guard
             ("observation", "<f4", (nobs,)),
             ("latent", "<f4", (nlatent,)),
             ("action", "<f4", (naction,)),

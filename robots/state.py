@@ -6,6 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+CONTACT = 5.0
+"""A sole that carries more touches the ground [N]."""
+FALLEN_TILT = np.deg2rad(60)
+"""A robot whose up axis leans further than this from the vertical has fallen [rad]."""
+
 
 @dataclass(frozen=True)
 class State:
@@ -62,3 +67,12 @@ class State:
     def yaw_rate(self) -> np.ndarray:
         """Turning rate about the vertical [...], rad/s."""
         return -(self.gravity * self.gyro).sum(-1)
+
+    @property
+    def contact(self) -> np.ndarray:
+        """Which soles touch the ground [..., 2]."""
+        return self.touch > CONTACT
+
+    def fallen(self, lowest: float) -> np.ndarray:
+        """Whether the robot lies [...]: tilted too far, or with its pelvis at or below `lowest` [m]; also if either is not a number."""
+        return ~((-self.gravity[..., 2] > np.cos(FALLEN_TILT)) & (self.position[..., 2] > lowest))

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from app.exports.errors import ExportError
+from policies.command import COMMAND_LAYOUT
 from robots import catalog
 from robots.spec import Joint
 
@@ -20,17 +21,32 @@ _SINGULAR = {"legs": "leg", "arms": "arm", "hands": "hand"}
 BASE = (*_AXES, *_QUATERNION, "vx", "vy", "vz", "wx", "wy", "wz")
 """The pelvis: position [m], quaternion and velocity [m/s] in the world, angular velocity in its own frame [rad/s]."""
 
-COMMAND = (
-    "engage", "vx", "vy", "yaw_rate", "height", "roll", "pitch",
-    *(f"{side}_wrist_{axis}" for side in ("left", "right") for axis in (*_AXES, *_QUATERNION)),
-    *(f"{side}_{finger}" for side in ("left", "right") for finger in _FINGERS),
-    "neck_yaw", "neck_pitch", "waist_yaw",
-)  # fmt: skip
+_NAMES = {
+    "twist": ("vx", "vy", "yaw_rate"),
+    "wrists": tuple(f"{side}_wrist_{axis}" for side in ("left", "right") for axis in (*_AXES, *_QUATERNION)),
+    "hands": tuple(f"{side}_{finger}" for side in ("left", "right") for finger in _FINGERS),
+    "neck": ("neck_yaw", "neck_pitch"),
+    "waist": ("waist_yaw",),
+}
+
+COMMAND = tuple(name for field in COMMAND_LAYOUT for name in _NAMES.get(field, (field,)))
 """Numbers of `policies.command.Command.vector`, in order."""
 
-COMMAND_PARTS = {"twist": (1, 4), "posture": (4, 7), "left_wrist": (7, 14), "right_wrist": (14, 21)} | {
-    "left_fingers": (21, 27), "right_fingers": (27, 33), "head": (33, 35), "waist_yaw": (35, 36),
-}  # fmt: skip
+
+def _halves(field: str, left: str, right: str) -> dict[str, tuple[int, int]]:
+    start, stop = COMMAND_LAYOUT[field]
+    middle = (start + stop) // 2
+    return {left: (start, middle), right: (middle, stop)}
+
+
+COMMAND_PARTS = {
+    "twist": COMMAND_LAYOUT["twist"],
+    "posture": (COMMAND_LAYOUT["height"][0], COMMAND_LAYOUT["pitch"][1]),
+    **_halves("wrists", "left_wrist", "right_wrist"),
+    **_halves("hands", "left_fingers", "right_fingers"),
+    "head": COMMAND_LAYOUT["neck"],
+    "waist_yaw": COMMAND_LAYOUT["waist"],
+}
 """Named pieces of a command: (start, stop)."""
 
 

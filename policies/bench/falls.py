@@ -13,25 +13,23 @@ from rich.table import Table
 
 from policies import checkpoint
 from policies.bench.motions import motions
-from policies.bench.tracking import COMMANDS, fallen
+from policies.bench.tracking import fallen
 from policies.commit import commit
+from policies.envelope import HEIGHT, TWIST, next_posture, next_twist
 from policies.motion.clip import ClipSet
 from policies.motion.playback import Playback
-from policies.ppo.env import HEIGHTS
 from policies.walk import Walk
 from robots import catalog
 from robots.batch import Fleet
 from robots.catalog import Robot
 
-RAMP = np.array([1.5, 1.5, 3.0, 0.3])
-"""How fast commands change: vx, vy [m/s2], yaw rate [rad/s2], height [m/s]; what the page's pedals and slider do at most."""
 STAND = 0.25
 """Share of commands that ask to stand."""
 
 
 @dataclass(frozen=True)
 class FallsBench:
-    """Drive many robots about at random for hours of robot time; the aim is no fall at all.
+    """Drive many robots about at random for hours of robot time, as fast as the guard lets an operator; the aim is no fall at all.
 
     Example: teleop-bench falls --motions runs/clips.npz --hours 1
     """
@@ -68,25 +66,24 @@ def run(config: FallsBench) -> dict:
 
 
 def drive(robot: Robot, policy: str, clips: ClipSet, config: FallsBench) -> dict:
-    """Robots that fall stand up again at home and go on."""
+    """Robots that fall stand up again at home and go on; commands change as fast as the guard lets an operator's."""
     n, dt, rng = config.robots, 1 / robot.spec.policy_rate, np.random.default_rng(config.seed)
     fleet, walk, playback = Fleet(robot, n), Walk(robot, policy, n), Playback(robot.spec, clips, n, rng, alpha=1.0)
     playback.adaptive = False
     everyone = np.ones(n, bool)
     fleet.reset(everyone)
-    goal, asked, left = np.zeros((n, 4)), np.tile([0, 0, 0, robot.spec.nominal_height], (n, 1)), np.zeros(n)
-    goal[:, 3] = robot.spec.nominal_height
-    low, high = np.vstack([COMMANDS, HEIGHTS]).T
+    home = np.array([robot.spec.nominal_height, 0, 0])
+    goal, twist, posture, left = np.tile([0, 0, 0, *home], (n, 1)), np.zeros((n, 3)), np.tile(home, (n, 1)), np.zeros(n)
+    low, high = np.column_stack([TWIST, HEIGHT])
     state, falls, metres = fleet.state(), 0, 0.0
     for _ in track(range(round(3600 * config.hours / n / dt)), f"driving {Path(policy).stem}", transient=True):
         left -= dt
         new = left <= 0
-        goal[new] = rng.uniform(low, high, (int(new.sum()), 4))
+        goal[new, :4] = rng.uniform(low, high, (int(new.sum()), 4))
         goal[new & (rng.random(n) < STAND), :3] = 0
         left[new] = rng.uniform(2, 8, int(new.sum()))
-        asked += np.clip(goal - asked, -RAMP * dt, RAMP * dt)
-        upper, posture = playback.step(), np.column_stack([asked[:, 3], np.zeros((n, 2))])
-        state = fleet.step(np.concatenate([walk.act(state, asked[:, :3], posture, upper), upper], -1))
+        twist, posture, upper = next_twist(twist, goal[:, :3], dt), next_posture(posture, goal[:, 3:], dt), playback.step()
+        state = fleet.step(np.concatenate([walk.act(state, twist, posture, upper), upper], -1))
         metres += float(np.linalg.norm(state.velocity[:, :2], axis=-1).sum()) * dt
         down = fallen(state, fleet)
         if down.any():
@@ -94,6 +91,6 @@ def drive(robot: Robot, policy: str, clips: ClipSet, config: FallsBench) -> dict
             fleet.reset(down)
             playback.reset(down, down)
             walk.reset(np.tile(playback.home, (n, 1)), down)
-            asked[down], left[down] = [0, 0, 0, robot.spec.nominal_height], 0
+            twist[down], posture[down], left[down] = 0, home, 0
             state = fleet.state()
     return {"falls": falls, "falls_per_hour": falls / config.hours, "kilometres": metres / 1000}

@@ -22,14 +22,14 @@ from rich.table import Table
 from websockets.asyncio.client import connect
 
 from policies.bench.stream import server
+from policies.command import AT
 from policies.commit import commit
-from policies.episode import COMMAND_LAYOUT
 from policies.recording.reader import Recording
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
-WRIST_X = COMMAND_LAYOUT["wrists"][0]
+WRIST_X = AT["wrists"].start
 """Where the left wrist's x stands in a row's `raw`."""
 SPREAD = 0.03
 """Half-width of the drags [m]."""

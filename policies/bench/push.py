@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from policies import checkpoint
+from policies.bench.tracking import fallen
 from policies.commit import commit
 from policies.gait import PERIOD
 from policies.walk import Walk
@@ -28,8 +29,6 @@ BEFORE, AFTER = 5.0, 8.0
 STILL = {"pitch": 0.02, "rate": 0.1, "walking": 0.1, "standing": 0.05}
 """Recovered: for a second the pitch stays this close to its mean [rad], mean pitch rates below this [rad/s], and the speed over a gait
 cycle this close to the command, or, standing, below this with both feet on the ground [m/s]."""
-CONTACT = 5.0
-"""N"""
 
 
 @dataclass(frozen=True)
@@ -88,10 +87,10 @@ def push(robot: Robot, policy: str, config: PushBench, speed: float) -> dict:
         time = tick * dt
         force[:, 0] = config.force * direction * ((time >= first) & (time < first + config.seconds))
         state = fleet.step(np.concatenate([walk.act(state, twist, posture, upper), upper], -1))
-        upright &= (-state.gravity[:, 2] > 0.5) & fleet.finite
+        upright &= ~fallen(state, fleet)
         roll, pitch = state.roll_pitch.T
         rate = np.cos(roll) * state.gyro[:, 1] - np.sin(roll) * state.gyro[:, 2]
-        rows.append(np.column_stack([pitch, rate, state.heading_velocity, (state.touch > CONTACT).all(-1)]))
+        rows.append(np.column_stack([pitch, rate, state.heading_velocity, state.contact.all(-1)]))
     record, start = np.array(rows), np.round(first / dt).astype(int)
     watched = [_one(record[begin : begin + round(AFTER / dt), i], dt, speed) for i, begin in enumerate(start) if upright[i]]
     means = {name: round(float(np.nanmean([w[name] for w in watched])), 3) for name in watched[0]} if watched else {}

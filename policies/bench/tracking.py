@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from policies.bench.key_points import KeyPoints
+from policies.envelope import HEIGHT, TWIST
 from policies.motion.clip import Clip, ClipSet
 from policies.observation import ACTION_SCALE
-from policies.ppo.env import HEIGHTS, Stage
 from policies.walk import Walk
 from robots.batch import Fleet
 from robots.catalog import Robot
@@ -22,13 +22,8 @@ from robots.state import State
 
 LONGEST = 20.0
 """s"""
-_TRAINED = Stage("every command that is trained", 0)
-COMMANDS = np.array([_TRAINED.vx, (-_TRAINED.vy, _TRAINED.vy), (-_TRAINED.yaw, _TRAINED.yaw)])
-"""Trained range of vx, vy [m/s] and yaw rate [rad/s]."""
 PUSH_EVERY = 5.0
 """s"""
-FALLEN = np.cos(np.radians(60))
-"""A robot whose up axis leans further than this from the vertical has fallen; or whose pelvis is below half its height."""
 GRAVITY = 9.81
 MEASURES = {
     "acc_upper": "rad/s2",
@@ -96,7 +91,7 @@ class _Motion:
         part = (frames - low)[:, None]
         self.q = (1 - part) * clip.q[low] + part * clip.q[low + 1]
         asked = clip.twist[low]
-        self.twist = np.clip(asked, *COMMANDS.T)
+        self.twist = np.clip(asked, *TWIST)
         self.clipped = (self.twist != asked).any(-1).mean()
         self.height = clip.height[low]
         self.acceleration = np.zeros(len(self.q))
@@ -142,7 +137,7 @@ class _Tracking:
             self._fleet.qvel[:, :2] += self._conditions.push * np.stack([np.cos(angle), np.sin(angle)], -1)
         q, twist, n = self._q[tick], self._twist[tick], len(self._alive)
         before, posture = self._state, np.zeros((n, 3))
-        posture[:, 0] = np.clip(self._height[tick], *HEIGHTS)
+        posture[:, 0] = np.clip(self._height[tick], *HEIGHT)
         legs = self._walk.act(before, twist, posture, q)
         self._state = state = self._fleet.step(np.concatenate([legs, q], -1))
         counted = self._alive & (tick < self._lengths)
@@ -198,7 +193,7 @@ class _Tracking:
 
 def fallen(state: State, fleet: Fleet) -> np.ndarray:
     """Which robots lie, or fly apart [n]."""
-    return (-state.gravity[:, 2] < FALLEN) | (state.position[:, 2] < 0.5 * fleet.spec.nominal_height) | ~fleet.finite
+    return state.fallen(0.5 * fleet.spec.nominal_height) | ~fleet.finite
 
 
 def _padded(rows: list[np.ndarray], ticks: int) -> np.ndarray:

@@ -17,11 +17,11 @@ from rich.table import Table
 
 from policies.arm_model import ArmModel
 from policies.bench.motions import motions
-from policies.bench.tracking import COMMANDS, FALLEN, LONGEST
+from policies.bench.tracking import LONGEST
 from policies.command import Command
 from policies.commit import commit
+from policies.envelope import HEIGHT, TWIST
 from policies.motion.clip import Clip
-from policies.ppo.env import HEIGHTS
 from policies.whole_body import WholeBody
 from robots import catalog
 from robots.catalog import Robot
@@ -100,15 +100,15 @@ class _Follower:
         for t in range(len(frames)):
             command = self._command(clip, t)
             state = self._plant.step(self._policy.act(state, command))
-            if -state.gravity[2] < FALLEN:
+            if state.fallen(0.5 * self._plant.spec.nominal_height):
                 return np.array(rows).reshape(-1, 2, 2, 6), True
             actual = self._wrists(state.q[self._upper])
             rows.append([_missing(actual, self._policy.trace.reached.reachable), _missing(actual, command.wrists)])
         return np.array(rows), False
 
     def _command(self, clip: Clip, t: int, walking: bool = True) -> Command:
-        twist = np.clip(clip.twist[t], *COMMANDS.T) if walking else np.zeros(3)
-        height = float(np.clip(clip.height[t], *HEIGHTS))
+        twist = np.clip(clip.twist[t], *TWIST) if walking else np.zeros(3)
+        height = float(np.clip(clip.height[t], *HEIGHT))
         return Command(True, twist, height, wrists=self._wrists(clip.q[t]), waist=float(clip.q[t, 0]))
 
     def _wrists(self, q: np.ndarray) -> np.ndarray:

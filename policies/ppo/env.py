@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from policies.envelope import HEIGHT, POSTURE, TWIST, next_posture
 from policies.gait import PERIOD, Gait
 from policies.motion.clip import ClipSet
 from policies.motion.playback import Playback
@@ -28,8 +29,6 @@ NOISE = {"gyro": 0.1, "quaternion": 0.015, "q": 0.01, "dq": 0.5, "feet_velocity"
 """Half-widths of the uniform sensor noise."""
 STILL = 0.08
 """Velocity commands below this ask to stand [m/s, rad/s]."""
-HEIGHTS = (0.82, 1.02)
-"""Pelvis heights that are asked for [m]."""
 FOLLOW = 0.2
 """Share of the robots that are told to move over the ground as the person in their clip did."""
 
@@ -43,11 +42,11 @@ class Stage:
     """Steps after which the next stage begins even if its gate was not passed."""
     stand: float = 0.2
     """Share of commands that ask to stand."""
-    vx: tuple[float, float] = (-0.6, 1.0)
+    vx: tuple[float, float] = (TWIST[0, 0], TWIST[1, 0])
     """m/s"""
-    vy: float = 0.4
+    vy: float = TWIST[1, 1]
     """m/s"""
-    yaw: float = 1.0
+    yaw: float = TWIST[1, 2]
     """rad/s"""
     push: float = 0.8
     """Largest velocity push [m/s]."""
@@ -147,7 +146,7 @@ class WalkEnv:
         reward = np.maximum(sum(terms.values()) + sum(costs.values()), 0) * self.dt - 2.0 * fell
         for name, value in (terms | costs).items():
             self.log[name].append(float(np.nanmean(value)))
-        walking, air = self.gait.walking, state.touch < 5
+        walking, air = self.gait.walking, ~state.contact
         wanted = np.abs(self.twist).max(-1) > 0.05
         for name, value, mask in (
             ("air_walking", air.mean(-1), walking),
@@ -179,9 +178,8 @@ class WalkEnv:
         if self.stage.arms:
             follows = self._follows
             self.twist[follows] = self.stage.clip(self.playback.twist()[follows])
-            self._posture_goal[follows, 0] = np.clip(self.playback.height()[follows], *HEIGHTS)
-        rate = np.array([0.3, 0.6, 0.6]) * self.dt
-        self._posture += np.clip(self._posture_goal - self._posture, -rate, rate)
+            self._posture_goal[follows, 0] = np.clip(self.playback.height()[follows], *HEIGHT)
+        self._posture = next_posture(self._posture, self._posture_goal, self.dt)
 
     def _draw_commands(self, mask: np.ndarray) -> None:
         n, stage, rng = int(mask.sum()), self.stage, self.rng
@@ -194,7 +192,8 @@ class WalkEnv:
         twist[(kind > 0.55) & (kind < 0.7), :2] = 0  # turn
         twist[rng.random(n) < stage.stand] = 0
         self.twist[mask] = stage.clip(twist)
-        posture = np.column_stack([rng.uniform(*HEIGHTS, n), rng.uniform(-0.2, 0.2, (n, 2))])
+        low, high = POSTURE
+        posture = np.column_stack([rng.uniform(low[0], high[0], n), rng.uniform(low[1:], high[1:], (n, 2))])
         lean = rng.random(n) < stage.posture
         self._posture_goal[mask] = np.where(lean[:, None], posture, [self.spec.nominal_height, 0, 0])
         self._recommand[mask] = rng.uniform(3, 8, n)

@@ -14,8 +14,6 @@ from policies.gait import SWING_HEIGHT, Gait
 from robots.spec import RobotSpec
 from robots.state import State
 
-CONTACT = 5.0
-"""Force that counts as ground contact [N]."""
 VELOCITY = 5.75
 """The most that the velocity term pays."""
 
@@ -83,7 +81,7 @@ class Rewards:
         turn, turn_now = m.mean_error[:, 2] ** 2, (s.yaw_rate - m.twist[:, 2]) ** 2
         height = foot_heights(s)
         lift = SWING_HEIGHT * np.sin(np.pi * m.gait.swing()) ** 2
-        match = np.where((s.touch > CONTACT) == m.gait.stance(), 0.5, -0.5).sum(-1)
+        match = np.where(s.contact == m.gait.stance(), 0.5, -0.5).sum(-1)
         sunk, leant = (s.position[:, 2] - m.posture[:, 0]) ** 2, self._lean_error(m)
         return {
             "velocity": 1.5 * np.exp(-slow / 0.12)
@@ -118,7 +116,7 @@ class Rewards:
         s, gait = m.state, m.gait
         q, dq = s.q[:, self._legs], s.dq[:, self._legs]
         a, b, c = m.actions
-        contact = s.touch > CONTACT
+        contact = s.contact
         gap = np.hypot(s.feet[:, 0, 0] - s.feet[:, 1, 0], s.feet[:, 0, 1] - s.feet[:, 1, 1])
         over = np.maximum(q - self._upper + 0.05, 0) + np.maximum(self._lower + 0.05 - q, 0)
         quiet = ~gait.walking

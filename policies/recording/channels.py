@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from mcap.writer import Writer
 
-from policies.episode import COMMAND_LAYOUT, MODES, STAGES, Metadata
+from policies.command import AT
+from policies.episode import MODES, STAGES, Metadata
 from robots.state import State
 
 EVENTS, ROWS, PLOT = 1, 2, 3
@@ -62,6 +63,7 @@ def declare(writer: Writer, metadata: Metadata) -> None:
 def plot_message(row: np.void, metadata: Metadata) -> bytes:
     """What a plotting tool shows of one row, as JSON; a number that is not finite becomes null."""
     applied, reason = row["applied"], int(row["reason"])
+    left, right = applied[AT["wrists"]].reshape(2, 7)
     message = {
         "time": _number(row["time"]),
         "mode": MODES[row["mode"]] if row["mode"] < len(MODES) else str(row["mode"]),
@@ -69,7 +71,7 @@ def plot_message(row: np.void, metadata: Metadata) -> bytes:
         "base": _base(row["state"], metadata),
         "command": _asked(row["raw"]),
         "applied": _asked(applied),
-        "wrists": {"left": _pose(applied[7:14]), "right": _pose(applied[14:21])},
+        "wrists": {"left": _pose(left), "right": _pose(right)},
         "latency_ms": _named(STAGES, row["latency"]),
     }
     return json.dumps(message).encode()
@@ -84,8 +86,7 @@ def _named(names: tuple[str, ...], values: np.ndarray) -> dict[str, float | None
 
 
 def _asked(vector: np.ndarray) -> dict[str, float | None]:
-    start, stop = COMMAND_LAYOUT["twist"][0], COMMAND_LAYOUT["pitch"][1]
-    return _named(("vx", "vy", "yaw_rate", "height", "roll", "pitch"), vector[start:stop])
+    return _named(("vx", "vy", "yaw_rate", "height", "roll", "pitch"), vector[AT["twist"].start : AT["pitch"].stop])
 
 
 def _pose(pose: np.ndarray) -> dict[str, dict[str, float | None]]:

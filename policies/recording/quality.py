@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from policies.command import AT
 from policies.episode import MODES, Metadata, holes
 from robots.senses import Senses
 from robots.spec import RobotSpec
 from robots.state import State
 
-FALLEN_TILT = np.deg2rad(60)
-"""Beyond this tilt the robot has fallen [rad]; so it has below half of its nominal height."""
 AT_LIMIT = np.deg2rad(1)
 """An arm joint this close to an end of its range is at its limit [rad]."""
 ENGAGED, HOLD = MODES.index("ENGAGED"), MODES.index("HOLD")
@@ -72,7 +71,7 @@ class Judge:
         applied, engaged, rate = rows["applied"], rows["mode"] == ENGAGED, self._metadata.rate
         base, fallen = self._base(rows), self.fallen(rows)
         positions, quaternions = self._wrists(rows)
-        asked = applied[:, 7:21].reshape(-1, 2, 7)
+        asked, twist = applied[:, AT["wrists"]].reshape(-1, 2, 7), applied[:, AT["twist"]]
         distance = np.linalg.norm(positions - asked[..., :3], axis=-1).mean(-1)
         angle = 2 * np.arccos(np.clip(np.abs((quaternions * asked[..., 3:]).sum(-1)), 0, 1)).mean(-1)
         modes = rows["mode"].astype(int)
@@ -83,8 +82,8 @@ class Judge:
             holds=int(((modes[1:] == HOLD) & (modes[:-1] == ENGAGED)).sum()),
             wrist_error=_mean(distance[engaged]),
             wrist_turn=_mean(angle[engaged]),
-            velocity_error=_mean(np.abs(base.heading_velocity - applied[:, 1:3]).sum(-1)[engaged]),
-            yaw_rate_error=_mean(np.abs(base.yaw_rate - applied[:, 3])[engaged]),
+            velocity_error=_mean(np.abs(base.heading_velocity - twist[:, :2]).sum(-1)[engaged]),
+            yaw_rate_error=_mean(np.abs(base.yaw_rate - twist[:, 2])[engaged]),
             jerk=self._jerk(rows, positions),
             at_limit=_mean(self._at_limit(rows)),
         )
@@ -105,9 +104,7 @@ class Judge:
 
     def fallen(self, rows: np.ndarray) -> np.ndarray:
         """Whether the robot lies, row by row [n]."""
-        base = self._base(rows)
-        upright = -base.gravity[:, 2] > np.cos(FALLEN_TILT)
-        return ~(upright & (base.position[:, 2] > self._spec.nominal_height / 2))
+        return self._base(rows).fallen(self._spec.nominal_height / 2)
 
     def _base(self, rows: np.ndarray) -> State:
         qpos, qvel, none = self._metadata.qpos(rows), rows["state"][:, 1 + self._metadata.nq :], np.empty(0)

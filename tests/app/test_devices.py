@@ -12,7 +12,8 @@ from browser import NO_PICTURES, Robot, best_of_three, click, engage
 from playwright.sync_api import Page
 from stand_ins import eventually
 
-from policies.episode import COMMAND_LAYOUT, MODES
+from policies.command import COMMAND_LAYOUT
+from policies.episode import MODES
 from policies.recording.reader import Recording
 
 PADS = f"""{NO_PICTURES};

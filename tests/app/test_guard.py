@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.guard import SILENT, Guard, sane
-from app.limiter import POSTURE, TWIST, WRIST_SPEED, WRIST_TURN
+from app.limiter import WRIST_SPEED, WRIST_TURN
 from app.mode import Mode, Reason
 from policies.command import SIZE, Command
+from policies.envelope import POSTURE, TWIST
 from robots.state import State
 
 DT = 0.02

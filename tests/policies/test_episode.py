@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from policies.command import SIZE, Command
-from policies.episode import COMMAND_LAYOUT, Metadata, holes, missing_ticks, row_dtype
+from policies.command import COMMAND_LAYOUT, SIZE, Command
+from policies.episode import Metadata, holes, missing_ticks, row_dtype
 
 
 def metadata() -> Metadata:

@@ -74,3 +74,15 @@ def test_a_batch_reads_like_its_rows():
     rows = [state(q, v, w) for q, v, w in zip(quaternions, velocity, gyro, strict=True)]
     for name in ("gravity", "yaw", "roll_pitch", "heading_velocity", "yaw_rate"):
         np.testing.assert_allclose(getattr(batch, name), [getattr(row, name) for row in rows], atol=1e-12)
+
+
+def test_it_has_fallen_when_tilted_too_far_too_low_or_not_a_number():
+    leaning = [np.deg2rad(angle) / 2 for angle in (0, 59, 61)]
+    robots = replace(state(), quaternion=np.array([[np.cos(a), np.sin(a), 0, 0] for a in leaning]), position=np.full((3, 3), 1.0))
+    assert robots.fallen(0.5).tolist() == [False, False, True]
+    assert robots.fallen(1.0).all()
+    assert replace(robots, position=np.full((3, 3), np.nan)).fallen(0.5).all()
+
+
+def test_a_sole_touches_the_ground_when_it_carries_something():
+    assert replace(state(), touch=np.array([[300.0, 1.0], [np.nan, 6.0]])).contact.tolist() == [[True, False], [False, True]]
