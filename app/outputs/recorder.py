@@ -16,9 +16,10 @@ from policies.episode import EpisodeInfo, Metadata
 
 T = TypeVar("T")
 
-PUMP_PERIOD = 0.1
-"""How often rows are taken from the ring and handed to the operating system [s]. A kill -9 loses what came since; half a second
-is allowed, the rest is for a busy machine. The ring holds many seconds, so a disk may hang that long without a loss."""
+PUMP_PERIOD = 0.25
+"""How often rows are taken from the ring and handed to the operating system as a chunk [s]. A kill -9 loses what came since; half a
+second is allowed, the rest is for a busy machine. The MCAP library keeps an index entry a chunk (370 bytes) in memory until the file
+is complete. The ring holds many seconds, so a disk may hang that long without a loss."""
 SLOW_DISK = 1.0
 """A write that takes longer raises the alarm [s]."""
 ANSWER_TIMEOUT = 10.0
