@@ -9,8 +9,8 @@ import numpy as np
 
 from app.arbiter import Role
 from app.protocol import Hands, Neck, OperatorMessage, Pose, Twist, Wrists
-from policies.command import Command
-from policies.episode import COMMAND_LAYOUT, DamagedRecording
+from policies.command import COMMAND_LAYOUT, Command
+from policies.episode import DamagedRecording
 from policies.recording.reader import Recording
 
 ARMS = COMMAND_LAYOUT["wrists"][0]
