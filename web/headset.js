@@ -36,7 +36,7 @@ const [layout, description] = await Promise.all(["/api/headset", "/api/scene"].m
 const packet = new Packet(layout), tracker = new Tracker(), seat = new Seat(description);
 const live = new Live(socket("/api/scene"));
 const roles = new Roles(new URLSearchParams(location.search).get("role"));
-const pilot = new Pilot(roles), sticks = new Sticks(pilot);
+const pilot = new Pilot(roles, description.trained), sticks = new Sticks(pilot);
 const gl = $("picture").getContext("webgl2", { antialias: true, xrCompatible: true });
 const immersion = new Immersion(gl);
 

@@ -30,8 +30,8 @@ const slider = (field, name, low, high, step, value, unit) => `
   <label class="slider"><span>${name}</span><output></output>
     <input type="range" data-field="${field}" min="${low}" max="${high}" step="${step}" value="${value}" data-unit="${unit}"></label>`;
 
-const bar = (axis, name, full, unit) =>
-  `<div class="bar" data-axis="${axis}" data-full="${full}" data-unit="${unit}"><span>${name}</span><i><b></b><u></u></i><output>0.00</output></div>`;
+const bar = (axis, name, unit) =>
+  `<div class="bar" data-axis="${axis}" data-unit="${unit}"><span>${name}</span><i><b></b><u></u></i><output>0.00</output></div>`;
 
 const stage = (name, label) => `<tr data-stage="${name}"><th>${label}</th><td></td></tr>`;
 
@@ -74,9 +74,9 @@ const MARKUP = `
       <p id="no-episodes" class="faint">Nothing recorded yet.</p>
     </details>
     <details open><summary>Posture</summary>
-      ${slider("height", "Height", 0.8, 1.02, 0.005, 1, "m")}
-      ${slider("pitch", "Lean forward", -0.2, 0.2, 0.01, 0, "°")}
-      ${slider("roll", "Lean right", -0.2, 0.2, 0.01, 0, "°")}
+      ${slider("height", "Height", "", "", 0.005, 1, "m")}
+      ${slider("pitch", "Lean forward", "", "", 0.01, 0, "°")}
+      ${slider("roll", "Lean right", "", "", 0.01, 0, "°")}
       ${slider("waist", "Waist", -0.8, 0.8, 0.02, 0, "°")}
       <button id="straight" class="small">Straighten up</button>
     </details>
@@ -94,9 +94,9 @@ const MARKUP = `
       <label class="choice" id="legs" hidden><span>Legs</span><select></select></label>
       <label class="check"><input type="checkbox" id="forecast"> Show what the prior expects</label>
       <p id="expected" class="faint" title="How far the wrists were from where the motion prior of the legs had expected them, over the last 10 s"></p>
-      ${slider("pace", "Walk", 0.1, 1, 0.05, 0.5, "m/s")}
-      ${slider("side", "Sidestep", 0.05, 0.4, 0.05, 0.25, "m/s")}
-      ${slider("turn", "Turn", 0.1, 1, 0.05, 0.6, "rad/s")}
+      ${slider("pace", "Walk", 0.1, "", 0.05, 0.5, "m/s")}
+      ${slider("side", "Sidestep", 0.05, "", 0.05, 0.25, "m/s")}
+      ${slider("turn", "Turn", 0.1, "", 0.05, 0.6, "rad/s")}
       ${slider("deadZone", "Dead zone of sticks", 0, 0.4, 0.02, 0.12, "%")}
       ${slider("curve", "Response of sticks", 1, 3, 0.1, 1.6, "")}
       <label class="check"><input type="checkbox" id="latch"> A tap on Engage keeps it pressed</label>
@@ -114,7 +114,7 @@ const MARKUP = `
   </aside>
 
   <section class="speeds card" aria-label="Commanded and measured velocity">
-    ${bar("vx", "ahead", 1, "m/s")}${bar("vy", "left", 0.4, "m/s")}${bar("yaw_rate", "turn", 1, "rad/s")}
+    ${bar("vx", "ahead", "m/s")}${bar("vy", "left", "m/s")}${bar("yaw_rate", "turn", "rad/s")}
   </section>
 
   <section class="deck">
@@ -153,4 +153,13 @@ export function mount() {
   $.all = (selector) => [...root.querySelectorAll(selector)];
   $.host = host;
   return $;
+}
+
+// Let sliders and bars go as far as the legs were trained. trained: from GET /api/scene.
+export function fit($, { vx, vy, yaw_rate, ...posture }) {
+  for (const [field, axis, full] of [["pace", "vx", vx[1]], ["side", "vy", vy[1]], ["turn", "yaw_rate", yaw_rate[1]]]) {
+    $(`[data-field=${field}]`).max = full;
+    $(`[data-axis=${axis}]`).dataset.full = full;
+  }
+  for (const [field, [min, max]] of Object.entries(posture)) Object.assign($(`[data-field=${field}]`), { min, max });
 }

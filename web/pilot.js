@@ -1,6 +1,5 @@
 // What this page's operator asks for: the enable, the velocity, the posture. Nobody walks unless something is held.
 
-const FASTEST = { pace: 1.0, back: 0.6, side: 0.4, turn: 1.0 }; // what the legs were trained for
 const BACK = 0.6; // share of the pace [m/s]
 const FASTER = 1.8; // while "fast" is held
 const TAP_MS = 350; // a shorter press of a latching Engage keeps it pressed
@@ -22,9 +21,11 @@ export class Pilot extends EventTarget {
 
   // Events: "change", something to tell the server now; "refused" {detail: sentence}.
 
-  constructor(roles) {
+  // trained: what the legs were trained for, from GET /api/scene.
+  constructor(roles, { vx, vy, yaw_rate }) {
     super();
     this.roles = roles;
+    this.fastest = { pace: vx[1], back: -vx[0], side: vy[1], turn: yaw_rate[1] };
   }
 
   // Do what a device (keys.js, pads.js) says; actions: what else a key may do, a function each.
@@ -117,12 +118,12 @@ export class Pilot extends EventTarget {
   }
 
   get twist() {
-    const limit = (name) => Math.min(this.limits[name] * (this.fast ? FASTER : 1), FASTEST[name]);
+    const limit = (name) => Math.min(this.limits[name] * (this.fast ? FASTER : 1), this.fastest[name]);
     const most = (wanted) => Math.max(0, ...[...this.#held.values()].map(({ direction, amount }) => (direction === wanted ? amount : 0)));
     const ahead = most("forward") - most("back");
     const round = (x) => Math.round(x * 1000) / 1000;
     return {
-      vx: round(ahead * (ahead > 0 ? limit("pace") : Math.min(BACK * limit("pace"), FASTEST.back))),
+      vx: round(ahead * (ahead > 0 ? limit("pace") : Math.min(BACK * limit("pace"), this.fastest.back))),
       vy: round((most("left") - most("right")) * limit("side")),
       yaw_rate: round((most("turn-left") - most("turn-right")) * limit("turn")),
     };

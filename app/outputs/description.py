@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 
 from app.protocol import Quaternion, Vector3, Wire
+from policies.envelope import POSTURE, TWIST
 from robots.spec import RobotSpec
 
 BODIES = "/robot/"
@@ -68,6 +69,21 @@ class SceneEye(Wire):
     """Vertical field of view [rad]."""
 
 
+class SceneTrained(Wire):
+    """What the legs are trained for, beyond which nothing is followed: lower and upper (policies.envelope)."""
+
+    vx: tuple[float, float]
+    vy: tuple[float, float]
+    """m/s"""
+    yaw_rate: tuple[float, float]
+    """rad/s"""
+    height: tuple[float, float]
+    """m"""
+    roll: tuple[float, float]
+    pitch: tuple[float, float]
+    """rad"""
+
+
 class SceneDescription(Wire):
     """GET /api/scene."""
 
@@ -79,6 +95,7 @@ class SceneDescription(Wire):
     pinches: tuple[tuple[float, ...], tuple[float, ...]] | None
     """What `hands` says of the left and the right hand for thumb and index fingertip to touch; None for a robot without hands."""
     eye: SceneEye
+    trained: SceneTrained
     nq: int
     """Numbers in a qpos."""
 
@@ -92,8 +109,14 @@ def describe(spec: RobotSpec, model: mujoco.MjModel, drawn: list[str], wrists: l
         wrists=(left, right),
         pinches=spec.hands and (spec.hands[0].pinch, spec.hands[1].pinch),
         eye=_eye(model),
+        trained=_trained(),
         nq=model.nq,
     )
+
+
+def _trained() -> SceneTrained:
+    ranges = np.hstack([TWIST, POSTURE]).T.tolist()
+    return SceneTrained(**{name: (low, high) for name, (low, high) in zip(SceneTrained.model_fields, ranges, strict=True)})
 
 
 def _body(model: mujoco.MjModel, index: int, drawn: list[str]) -> SceneBody:

@@ -12,6 +12,7 @@ from browser import CALM, PICTURES_ON_DEMAND, SOON, VIEW, Another, Robot, best_o
 from playwright.sync_api import Page
 from stand_ins import eventually
 
+from policies.envelope import POSTURE, TWIST
 from robots import catalog
 
 
@@ -41,6 +42,21 @@ def test_engage_and_w_make_it_walk_and_letting_go_makes_it_stand(pages, robot, m
     measured(3, f"W released in the browser: no velocity after {1e3 * took:.0f} ms")
     eventually(lambda: abs(robot.health["base"]["vx"]) < 0.15)
     assert robot.health["upright"]
+
+
+def test_sliders_and_bars_go_as_far_as_the_legs_were_trained(pages):
+    page = pages()
+    ahead, side, turn = TWIST[1].tolist()
+    ranges = dict(zip(("height", "roll", "pitch"), POSTURE.T.tolist(), strict=True)) | {
+        "pace": [0.1, ahead],
+        "side": [0.05, side],
+        "turn": [0.1, turn],
+    }
+    for field, ends in ranges.items():
+        slider = page.locator(f"[data-field={field}]")
+        assert slider.evaluate("field => [Number(field.min), Number(field.max)]") == ends
+        assert ends[0] <= float(slider.input_value()) <= ends[1]
+    assert [float(bar.get_attribute("data-full") or 0) for bar in page.locator(".bar").all()] == [ahead, side, turn]
 
 
 @pytest.mark.row(3)

@@ -33,6 +33,7 @@ from app import relay, viewer
 from app.gate import Gate
 from app.outputs import live
 from app.page import Page
+from policies.envelope import POSTURE, TWIST
 from robots import catalog
 
 MODEL = """
@@ -300,6 +301,9 @@ def test_the_description_names_every_body_and_the_eye(site):
     assert described["bodies"][3]["node"] is None  # nothing of it is drawn
     np.testing.assert_allclose([described["eye"][name] for name in ("forward", "up")], [[1, 0, 0], [0, 0, 1]], atol=1e-12)
     assert described["nq"] == NQ
+    assert described["trained"] == {name: [TWIST[0][i], TWIST[1][i]] for i, name in enumerate(("vx", "vy", "yaw_rate"))} | {
+        name: [POSTURE[0][i], POSTURE[1][i]] for i, name in enumerate(("height", "roll", "pitch"))
+    }
 
 
 def test_the_installation_without_web_files_is_refused(monkeypatch, tmp_path):
