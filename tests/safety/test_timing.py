@@ -10,7 +10,7 @@ import time
 import pytest
 from program import Program, operator
 
-from policies.bench.page import watch
+from bench.page import watch
 
 PROMISED = {"fifo": 2.0, "nice": 10.0, "normal": 10.0}
 """p99 of the lateness of a tick [ms]."""

@@ -14,7 +14,8 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from policies.bench import reach, stream
+from bench import stream
+from policies.bench import reach
 from policies.command import Command
 from policies.commit import commit
 from policies.ppo.train import Trainer, WalkConfig

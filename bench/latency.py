@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.table import Table
 from websockets.asyncio.client import connect
 
-from policies.bench.stream import server
+from bench.stream import server
 from policies.command import AT
 from policies.commit import commit
 from policies.recording.reader import Recording

@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from policies.bench.page import watch
+from bench.page import watch
 
 CLIENTS = (0, 1, 4)
 """Pages that watch at once."""

@@ -18,8 +18,8 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
 from websockets.typing import Origin
 
-from policies.bench import drive
-from policies.bench.stream import server
+from bench import drive
+from bench.stream import server
 from policies.commit import commit
 
 SAMPLE = 5.0

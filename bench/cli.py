@@ -11,7 +11,8 @@ from typing import Annotated
 
 import tyro
 
-from policies.bench import arms, drive, falls, hands, latency, paper, prior, push, robustness, soak, speed, walk, wrists
+from bench import drive, latency, soak, speed
+from policies.bench import arms, falls, hands, paper, prior, push, robustness, walk, wrists
 from policies.errors import PolicyError
 from policies.motion.errors import MotionError
 from robots.errors import RobotError

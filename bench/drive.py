@@ -20,7 +20,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 from websockets.typing import Origin
 
-from policies.bench.page import watch
+from bench.page import watch
 from policies.commit import commit
 
 ROUND: tuple[tuple[str, float, tuple[float, float, float]], ...] = (

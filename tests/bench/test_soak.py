@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from policies.bench.soak import Process
+from bench.soak import Process
 
 SECONDS = np.arange(0.0, 601.0, 5.0)
 WARM = 100 + np.minimum(SECONDS, 60.0)
