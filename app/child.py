@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
 from app.clock import Ticker
+from app.failsafe import TracedPolicy
 from app.loop import Loop
-from app.pilot import TracedPolicy
 from app.shared import Layout, Memory
 from policies.errors import PolicyError
 from robots.errors import RobotError

@@ -16,8 +16,8 @@ from app import certificate, door, log, recordings
 from app.config import Serve
 from app.errors import AppError
 from app.limiter import WRIST_SPEED
-from app.limits import LARGEST_MESSAGE
 from app.token import keep
+from app.traffic import LARGEST_MESSAGE
 from policies.errors import PolicyError
 from robots import catalog
 from robots.errors import RobotError
@@ -203,8 +203,8 @@ def _export(
         size: width x height of a picture.
         fps: rows a second, an even part of the recorded 50.
     """
-    from app import exporting  # the other commands do without MuJoCo's renderer and the formats
+    from app.exports import command  # the other commands do without MuJoCo's renderer and the formats
 
     success = None if only is None else only == "success"
-    look = exporting.look(cameras, size)
-    return exporting.export(list(session), format, output, exporting.Choice(episode, label, success), look, fps)
+    look = command.look(cameras, size)
+    return command.export(list(session), format, output, command.Choice(episode, label, success), look, fps)

@@ -9,7 +9,7 @@ import ssl
 
 from app.config import Serve
 from app.errors import BadCertificate, CannotListen, NeedsToken, PortTaken
-from app.limits import BLOCKED
+from app.traffic import BLOCKED
 
 UNSENT = 64 * 1024
 """Bytes that the kernel keeps for a client that does not read: few, so that what it reads at last is not old."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from app.pilot import TracedPolicy
+from app.failsafe import TracedPolicy
 from robots import catalog
 from robots.plant import Plant
 

@@ -7,9 +7,9 @@ turns the command into motor targets, robots.plant simulates, and app.server let
 from __future__ import annotations
 
 from app.clock import Laps
+from app.failsafe import Failsafe, TracedPolicy
 from app.guard import Ask, Guard, ask_from
 from app.physics import Physics
-from app.pilot import Pilot, TracedPolicy
 from app.publisher import Publisher, Tick
 from app.shared import Exchange, Layout, Memory
 from policies.command import Command
@@ -30,7 +30,7 @@ class Loop:
         self.policy, self.layout = policy, _layout(plant, policy)
         self.exchange = Exchange(memory, self.layout)
         self.guard = Guard(home, spec.nominal_height, 1 / spec.policy_rate, self.asked())
-        self.pilot = Pilot(policy, spec, self.guard.fault)
+        self.failsafe = Failsafe(policy, spec, self.guard.fault)
         self.publisher = Publisher(self.exchange, self.physics, self.guard)
         self.laps = Laps()
         self._resets = self.asked().resets
@@ -47,7 +47,7 @@ class Loop:
         self.reset_if(ask)
         self.policy.choose(ask.policy)
         ruling = self.guard.step(self.laps.start, ask, self.state)
-        target = self.laps.time("act", self.pilot.act, self.state, ruling)
+        target = self.laps.time("act", self.failsafe.act, self.state, ruling)
         self.state = self.laps.time("physics", self.physics.step, target)
         trace = self.policy.trace
         latency = self.laps.latency(ask.serial, ask.stamp, trace.ik_ms)
@@ -64,7 +64,7 @@ class Loop:
             self.state = self.physics.reset(ask.seed)
             self.guard.reset(wrists=self.physics.wrists())
         if self.physics.was_set:
-            self.pilot.reset(self.state)
+            self.failsafe.reset(self.state)
 
 
 def _layout(plant: Plant, policy: TracedPolicy) -> Layout:

@@ -14,8 +14,8 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
 from app.errors import AppError
-from app.limits import BLOCKED, CLIENTS, FULL, GONE, TOO_MANY, Allowance, TooMany
 from app.race import first_to_end
+from app.traffic import BLOCKED, CLIENTS, FULL, GONE, TOO_MANY, Allowance, TooMany
 
 SLOWEST = 100_000
 """Bytes a second that a page must take in; a scene has about 3 MB."""

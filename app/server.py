@@ -18,10 +18,10 @@ from app.errors import AppError
 from app.gate import Gate
 from app.inputs.operator import Client, Operators
 from app.inputs.webxr import BadPacket, Headset
-from app.limits import BLOCKED, CLIENTS, FULL, LARGEST_BODY, LARGEST_MESSAGE, NOT_JSON, NOT_TEXT, TOO_BIG, TOO_MANY, Allowance, TooMany
 from app.newest import Newest
 from app.protocol import HEADSET, VERSION, Answer, HeadsetPacket, Health, Member, OperatorMessage, headset_packet
 from app.race import first_to_end
+from app.traffic import BLOCKED, CLIENTS, FULL, LARGEST_BODY, LARGEST_MESSAGE, NOT_JSON, NOT_TEXT, TOO_BIG, TOO_MANY, Allowance, TooMany
 
 _log = logging.getLogger(__name__)
 

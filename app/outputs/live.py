@@ -13,9 +13,9 @@ import numpy as np
 from fastapi import APIRouter, WebSocket
 
 from app import clock
-from app.limits import BLOCKED, CLIENTS, FULL, NOT_TEXT, TOO_MANY, Allowance, TooMany
 from app.outputs.description import SceneDescription
 from app.race import first_to_end
+from app.traffic import BLOCKED, CLIENTS, FULL, NOT_TEXT, TOO_MANY, Allowance, TooMany
 
 POLL = 0.005
 """How often a page that waits is looked after [s]; the simulation ticks every 0.02."""

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from app.pilot import TracedPolicy
+from app.failsafe import TracedPolicy
 from policies.command import Command
 from policies.errors import WrongWeights
 from robots import catalog

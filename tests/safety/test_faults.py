@@ -13,11 +13,11 @@ from program import Program, operator
 from stand_ins import eventually
 
 from app.factory import Factory
+from app.failsafe import TracedPolicy
 from app.guard import FALLEN_TILT
 from app.inputs.operator import Operators
 from app.loop import Loop
 from app.mode import Mode, Reason
-from app.pilot import TracedPolicy
 from app.protocol import OperatorMessage
 from app.shared import Memory
 from policies import checkpoint

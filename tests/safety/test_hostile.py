@@ -26,7 +26,7 @@ from websockets.sync.client import ClientConnection
 
 from app.guard import sane
 from app.limiter import WRIST_SPEED, WRIST_TURN
-from app.limits import LARGEST_BODY, LARGEST_MESSAGE
+from app.traffic import LARGEST_BODY, LARGEST_MESSAGE
 
 SOCKETS = ("/", "/api/scene", "/api/operator")
 NUMBERS = (0.0, 1.0, -1.0, 0.3, 1e30, -1e308, float("nan"), float("inf"), float("-inf"), 1e-320, 2**60, None, "1", True, [], {})

@@ -39,7 +39,7 @@ class TracedPolicy(Policy, Protocol):
         ...
 
 
-class Pilot:
+class Failsafe:
     """Always returns a finite target for every motor."""
 
     def __init__(self, policy: TracedPolicy, spec: RobotSpec, report: Callable[[Reason], None]) -> None:
