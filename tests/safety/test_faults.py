@@ -14,7 +14,6 @@ from stand_ins import eventually
 
 from app.factory import Factory
 from app.failsafe import TracedPolicy
-from app.guard import FALLEN_TILT
 from app.inputs.operator import Operators
 from app.loop import Loop
 from app.mode import Mode, Reason
@@ -25,7 +24,7 @@ from policies.bench import reach
 from policies.command import Command
 from robots import catalog
 from robots.plant import Plant
-from robots.state import State
+from robots.state import FALLEN_TILT, State
 from robots.target import Target
 
 TICK = 0.02
