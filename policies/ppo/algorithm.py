@@ -153,6 +153,8 @@ class PPO:
         after, ended = [*r.observations[1:], r.observations[-1]], [*r.ended[:-1], torch.ones_like(r.ended[-1])]
         data = [torch.cat(x) for x in (r.observations, r.states, r.actions, r.log_probs, after)] + [1 - torch.cat(ended)]
         old_mean, old_deviation = self._policy(data[0])
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.lr
         sums = {"policy_loss": 0.0, "value_loss": 0.0, "change": 0.0}
         for _ in range(c.epochs):
             for part in torch.randperm(len(gains)).chunk(c.minibatches):
@@ -202,6 +204,4 @@ class PPO:
             self.lr = max(low, self.lr / 1.5)
         elif kl < self.config.kl / 2:
             self.lr = min(high, self.lr * 1.5)
-        for group in self.optimiser.param_groups:
-            group["lr"] = self.lr
         return kl.item()

@@ -166,6 +166,7 @@ class Trainer:
         self.stage, self.env.penalty, self.begun_at = len(STAGES) - 1, kept["penalty"], kept["begun_at"] + kept["steps"]
         self.actor.load_state_dict(kept["actor"])
         self.critic.load_state_dict(kept["critic"])
+        self.ppo.lr = kept["lr"]  # what fits networks that know nothing would undo much of what these know
         if kept["prior"] != self.config.prior:
             self._forget_latent()
 

@@ -128,6 +128,7 @@ def test_beginning_with_another_run_keeps_what_it_knew_and_gives_the_latent_to_t
     trainer, before = Trainer(with_prior), Trainer(tiny)
     before.resume()
     trainer.resume()
+    assert trainer.ppo.lr == before.ppo.lr != tiny.ppo.lr
     assert len(trainer.env.playback.alpha) == 4, "three motions without the run, and two clips of reaches"
     trainer.env.playback.alpha[:] = 1
     trainer.env.start(STAGES[-1])
