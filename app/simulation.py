@@ -83,8 +83,9 @@ class Simulation:
     @property
     def lost(self) -> bool:
         """Whether the process is dead or hangs."""
+        now = clock.now()  # before the look: a busy machine may pause this thread in between
         newest = self.exchange.snapshots.newest()
-        return self.dead or newest is None or clock.now() - newest["stamp"] * 1e-9 > SILENCE
+        return self.dead or newest is None or now - newest["stamp"] * 1e-9 > SILENCE
 
     def snapshot(self) -> np.void:
         """The newest snapshot."""

@@ -15,6 +15,8 @@ _log = logging.getLogger(__name__)
 
 PERIOD = 0.1
 """How often it looks [s]."""
+PATIENCE = 1.0
+"""A simulation that is lost for so long ends the recording [s]. A shorter stall costs no rows: the ring holds them."""
 LATENCY_PERIOD = 10.0
 """How often the latency of every stage is logged while somebody drives [s]."""
 
@@ -26,6 +28,7 @@ class Watch:
         """Start to look. `lost` tells whether the simulation is dead or hangs."""
         self._health, self._lost, self._recorder = health, lost, recorder
         self._told, self._state = clock.now(), ""
+        self._alive = clock.now()
         self._ends = threading.Event()
         self._thread = threading.Thread(target=self._run, name="watch", daemon=True)
         self._thread.start()
@@ -45,8 +48,10 @@ class Watch:
 
     def _save(self) -> None:
         """The recording of a simulation that is lost."""
+        if not self._lost():
+            self._alive = clock.now()
         recording = self._recorder.status().open
-        if recording and self._lost():
+        if recording and clock.now() - self._alive > PATIENCE:
             try:
                 self._recorder.stop(recording.id)
             except RecordingError as error:

@@ -37,6 +37,17 @@ def test_the_recording_of_a_lost_simulation_is_closed(tmp_path: Path) -> None:
         assert [info.ended for info in recorder.session()[1]] == ["stopped", "stopped"]
 
 
+def test_a_simulation_that_pauses_for_a_moment_keeps_its_recording(tmp_path: Path) -> None:
+    lost, looks = [True], []
+    with watched(tmp_path, lost=lambda: looks.append(1) or lost) as recorder:
+        recorder.start()
+        eventually(lambda: len(looks) > 4)
+        lost.clear()
+        looks.clear()
+        eventually(lambda: len(looks) > 10)
+        assert recorder.status().open
+
+
 def test_an_error_does_not_end_it(tmp_path: Path, caplog) -> None:
     asked, lost = [], []
 
