@@ -1,6 +1,6 @@
 # make run   start the server on http://127.0.0.1:8080
 # make test  install what the tests need and run them
-# make test-safety  the failsafe contract, row by row, with what was measured (about 17 minutes)
+# make test-safety  the failsafe contract, row by row, with what was measured (about 11 minutes)
 # make check style, types, import contracts
 # make bench the figures of the legs and of the speed; teleop-bench --help names the others
 
