@@ -1,5 +1,6 @@
 // What the motion prior expects the arms to do: beads where the wrists will be in the next second, and the hands half a second ahead.
 
+import { ask } from "./ask.js";
 import { text } from "./status.js";
 
 const PERIOD_MS = 100;
@@ -21,15 +22,9 @@ export class Forecast {
 
   async #follow() {
     let answer = null;
-    if (this.box.checked && !document.hidden && !this.stage.playback) answer = await this.#ask();
+    if (this.box.checked && !document.hidden && !this.stage.playback) answer = await ask("/api/forecast").catch(() => null);
     this.#show(answer);
     setTimeout(() => this.#follow(), PERIOD_MS);
-  }
-
-  // The Forecast of GET /api/forecast; null while the server cannot be reached.
-  async #ask() {
-    const answer = await fetch("/api/forecast").catch(() => null);
-    return answer?.ok ? answer.json() : null;
   }
 
   #show(forecast) {

@@ -9,11 +9,11 @@ import numpy as np
 
 from app.arbiter import Role
 from app.protocol import Hands, Neck, OperatorMessage, Pose, Twist, Wrists
-from policies.command import COMMAND_LAYOUT, Command
+from policies.command import AT, Command
 from policies.episode import DamagedRecording
 from policies.recording.reader import Recording
 
-ARMS = COMMAND_LAYOUT["wrists"][0]
+ARMS = AT["wrists"].start
 """Where the arms' part of a command's vector begins; the legs' is before it."""
 
 
@@ -49,7 +49,7 @@ class Replay:
 def driven(rows: np.ndarray) -> list[Role]:
     """The roles that somebody drove while the robot followed these commands [n, 36]: what nobody drives never changes."""
     arms, legs = ((rows[:, part] != rows[:1, part]).any() for part in (slice(ARMS, None), slice(1, ARMS)))
-    walks = rows[:, slice(*COMMAND_LAYOUT["twist"])].any()
+    walks = rows[:, AT["twist"]].any()
     moved: dict[Role, bool] = {"arms": bool(arms), "legs": bool(legs or walks)}
     return [role for role, did in moved.items() if did]
 

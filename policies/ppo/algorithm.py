@@ -39,9 +39,6 @@ class PPOConfig:
     """KL divergence an update aims at; the learning rate follows."""
     max_grad: float = 1.0
     """Gradient norm."""
-    smooth: float = 0.0
-    """Weight of the squared change of the mean action from a tick to the next (Mysore et al. 2021): what the reward's penalties see is
-    mostly exploration, this sees what is shipped."""
     deviation: float = 1.0
     """Largest standard deviation of the exploration. Towards the end of a training a small one (0.2) brings what is learnt closer to
     what is shipped: the mean action, without noise."""
@@ -150,18 +147,16 @@ class PPO:
         c, r = self.config, self.rollout
         gains, targets = self._returns(state)
         gains = (gains - gains.mean()) / (gains.std() + 1e-8)
-        after, ended = [*r.observations[1:], r.observations[-1]], [*r.ended[:-1], torch.ones_like(r.ended[-1])]
-        data = [torch.cat(x) for x in (r.observations, r.states, r.actions, r.log_probs, after)] + [1 - torch.cat(ended)]
+        data = [torch.cat(x) for x in (r.observations, r.states, r.actions, r.log_probs)]
         old_mean, old_deviation = self._policy(data[0])
         for group in self.optimiser.param_groups:
             group["lr"] = self.lr
-        sums = {"policy_loss": 0.0, "value_loss": 0.0, "change": 0.0}
+        sums = {"policy_loss": 0.0, "value_loss": 0.0}
         for _ in range(c.epochs):
             for part in torch.randperm(len(gains)).chunk(c.minibatches):
                 losses = self._losses(*(x[part] for x in (*data, gains, targets)))
                 self.optimiser.zero_grad()
-                bonus = c.entropy * self.actor.log_deviation.mean() * 12
-                (losses["policy_loss"] + losses["value_loss"] + c.smooth * losses["change"] - bonus).backward()
+                (losses["policy_loss"] + losses["value_loss"] - c.entropy * self.actor.log_deviation.mean() * 12).backward()
                 self._step()
                 for name in sums:
                     sums[name] += losses[name].item() / (c.epochs * c.minibatches)
@@ -173,16 +168,12 @@ class PPO:
     def _policy(self, observations: Tensor) -> tuple[Tensor, Tensor]:
         return self.actor.mean(observations), self.actor.deviation()
 
-    def _plain_losses(
-        self, x: Tensor, y: Tensor, action: Tensor, old: Tensor, after: Tensor, goes_on: Tensor, gain: Tensor, target: Tensor
-    ) -> dict[str, Tensor]:
-        mean = self.actor.mean(x)
-        ratio = (log_prob(action, mean, self.actor.deviation()) - old).exp()
+    def _plain_losses(self, x: Tensor, y: Tensor, action: Tensor, old: Tensor, gain: Tensor, target: Tensor) -> dict[str, Tensor]:
+        ratio = (log_prob(action, self.actor.mean(x), self.actor.deviation()) - old).exp()
         clipped = ratio.clamp(1 - self.config.clip, 1 + self.config.clip)
         return {
             "policy_loss": -torch.min(ratio * gain, clipped * gain).mean(),
             "value_loss": (self.critic.value(y) - target).square().mean(),
-            "change": ((self.actor.mean(after) - mean).square().sum(-1) * goes_on).mean() if self.config.smooth else torch.zeros(()),
         }
 
     def _step(self) -> None:

@@ -88,24 +88,6 @@ def test_an_update_moves_the_policy_by_about_the_wanted_divergence(tmp_path):
     assert np.isfinite(row["value_loss"])
 
 
-def test_a_smooth_policy_is_learnt_by_what_changes_between_ticks_but_not_between_episodes(tmp_path):
-    def change(smooth: float) -> float:
-        torch.manual_seed(3)
-        trainer = Trainer(WalkConfig(run=tmp_path, count=32, threads=1, ppo=PPOConfig(horizon=12, smooth=smooth)))
-        for _ in range(4):
-            row = trainer.iterate()
-        return row["change"]
-
-    assert change(3.0) < 0.7 * change(1e-9)
-
-    ppo = Trainer(WalkConfig(run=tmp_path, count=4, threads=1, ppo=PPOConfig(horizon=2, smooth=1.0))).ppo
-    x, y = torch.randn(3, len(ppo.actor.normaliser.mean)), torch.randn(3, len(ppo.critic.normaliser.mean))
-    action, ones = torch.zeros(3, 12), torch.ones(3)
-    changes = (ppo.actor.mean(-x) - ppo.actor.mean(x)).square().sum(-1)
-    losses = ppo._plain_losses(x, y, action, ones, -x, torch.tensor([1.0, 0.0, 1.0]), ones, ones)
-    torch.testing.assert_close(losses["change"], (changes[0] + changes[2]) / 3)
-
-
 @pytest.fixture(scope="module")
 def with_prior(tmp_path_factory, tiny) -> WalkConfig:
     """A run on recorded motions and a motion prior (untrained), begun with the networks of the tiny one."""
