@@ -22,9 +22,9 @@ BLEND = 1.0
 class Playback:
     """Upper-body targets [count, 15] (waist and arms, motor order) for many robots."""
 
-    def __init__(self, spec: RobotSpec, clips: ClipSet, count: int, rng: np.random.Generator, alpha: float = 0.0) -> None:
-        """alpha: amplitude of every motion to begin with."""
-        self._rng, self._dt = rng, 1 / spec.policy_rate
+    def __init__(self, spec: RobotSpec, clips: ClipSet, count: int, rng: np.random.Generator, alpha: float = 0.0, fastest: float = 1.0) -> None:
+        """alpha: amplitude of every motion to begin with. fastest: half of the plays are hurried, at most so many times."""
+        self._rng, self._dt, self._fastest = rng, 1 / spec.policy_rate, fastest
         self.home = spec.home[spec.group("waist", "arms")]
         self.alpha = np.full(len(clips), alpha)
         """Amplitude of each clip."""
@@ -36,7 +36,8 @@ class Playback:
         self._length = np.array([len(clip.q) for clip in clips.clips])
         self._start = np.cumsum(self._length) - self._length
         zeros = lambda *shape: np.zeros((count, *shape))  # noqa: E731
-        self._clip, self._first, self._ticks, self._age = (zeros().astype(int) for _ in range(4))
+        self._clip, self._first, self._last, self._ticks, self._age = (zeros().astype(int) for _ in range(5))
+        self._pace = np.ones(count)  # clip frames a tick
         self.amplitude = zeros()
         """Alpha that each robot plays at now [count]."""
         self._left = zeros(len(self.home))
@@ -66,14 +67,20 @@ class Playback:
 
     def twist(self) -> np.ndarray:
         """How the person moved over the ground: forward and leftward velocity [m/s], yaw rate [rad/s] [count, 3]."""
-        return self._twist[self._first + self._age]
+        return self._twist[self._frame(self._age)]
 
     def height(self) -> np.ndarray:
         """The person's pelvis height at the robot's size [count], m."""
-        return self._height[self._first + self._age]
+        return self._height[self._frame(self._age)]
+
+    def _frame(self, age: np.ndarray) -> np.ndarray:
+        return self._first + (age * self._pace).astype(int)
 
     def _played(self, age: np.ndarray) -> np.ndarray:
-        return self.home + self.amplitude[:, None] * (self._q[self._first + age] - self.home)
+        low = self._frame(age)
+        part = (age * self._pace % 1)[:, None]
+        q = (1 - part) * self._q[low] + part * self._q[np.minimum(low + 1, self._last)]
+        return self.home + self.amplitude[:, None] * (q - self.home)
 
     def _earn(self, ended: np.ndarray) -> None:
         if self.adaptive:
@@ -85,8 +92,10 @@ class Playback:
         """New plays for the mask [count]; before: targets they leave [mask.sum(), 15]."""
         count = int(mask.sum())
         clip = self._rng.integers(len(self.alpha), size=count)
-        ticks = np.minimum(self._length[clip], round(LONGEST / self._dt))
-        self._clip[mask], self._ticks[mask], self._age[mask] = clip, ticks, 0
-        self._first[mask] = self._start[clip] + self._rng.integers(self._length[clip] - ticks + 1)
+        pace = np.maximum(self._rng.uniform(2 - self._fastest, self._fastest, count), 1)
+        ticks = np.minimum((self._length[clip] / pace).astype(int), round(LONGEST / self._dt))
+        self._clip[mask], self._ticks[mask], self._age[mask], self._pace[mask] = clip, ticks, 0, pace
+        self._first[mask] = self._start[clip] + self._rng.integers(self._length[clip] - (ticks * pace).astype(int) + 1)
+        self._last[mask] = self._start[clip] + self._length[clip] - 1
         self.amplitude[mask] = self.alpha[clip]
         self._left[mask] = before - self._played(self._age)[mask]
