@@ -33,7 +33,7 @@ def record(page: Page, robot: Robot, ending: str, task: str = "") -> None:
     eventually(lambda: page.locator("#endings:not([hidden])").count())
     for key in ending.split():
         page.keyboard.press(key)
-    eventually(lambda: robot.health["recording"] is None)
+    eventually(lambda: robot.health["recording"] is None and page.locator("#endings[hidden]").count())  # the page knows it, too
 
 
 def test_keys_end_an_episode_as_success_failure_or_not_at_all(page: Page, robot: Robot) -> None:
