@@ -1,7 +1,9 @@
 """What a spring-like motor must be told beyond the angle: the torque that its joint needs on the way.
 
 The arms' motors are soft (140 N m/rad at a shoulder): under their own weight the wrists hang 21 mm low, and after a quick
-move they swing for two seconds. Both are known in advance from the equations of motion.
+move they swing for two seconds. Both are known in advance from the equations of motion. What cannot be known, the steps that
+shake the arms from below, is corrected by what is measured, with the torques that the joints' common inertia asks for (computed
+torque control: Craig, Introduction to Robotics, chapter 10).
 """
 
 from __future__ import annotations
@@ -13,6 +15,10 @@ from robots.catalog import Robot
 
 DOWN = np.array([0.0, 0.0, -1.0])
 """Gravity in the frame of an upright pelvis."""
+
+STIFF, CALM = 80.0, 6.0
+"""Accelerations against a deviation [1/s^2] and against its speed [1/s], beside the motor's own. With CALM at 12, fast motions of a
+walking robot shake themselves up: what is measured is a tick old, and the pelvis gives way."""
 
 
 class Feedforward:
@@ -32,10 +38,17 @@ class Feedforward:
         """The joints rest at q [n], rad."""
         self._q, self._speed = np.array(q, dtype=float), np.zeros(len(q))
 
-    def step(self, q: np.ndarray, gravity: np.ndarray = DOWN) -> np.ndarray:
-        """What to add to the joint targets q [n] of this tick, rad. gravity: its unit direction in the pelvis frame [3]."""
+    def step(self, q: np.ndarray, gravity: np.ndarray = DOWN, measured: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
+        """What to add to the joint targets q [n] of this tick, rad.
+
+        gravity: its unit direction in the pelvis frame [3]. measured: angles [n], rad, and speeds [n], rad/s, of the joints now;
+        without them nothing is corrected.
+        """
         speed = (q - self._q) / self._dt
         acceleration = (speed - self._speed) / self._dt
+        if measured is not None:
+            now = (self._q + q) / 2  # a target holds for a whole tick, so a joint that keeps up is half a tick behind its next one
+            acceleration += STIFF * (now - measured[0]) + CALM * (speed - measured[1])
         self._q, self._speed = q.copy(), speed
         return self._offset(q, speed, acceleration, gravity)
 

@@ -115,12 +115,13 @@ class Reach:
         self._still.pose(q)
         return self._still.wrists()
 
-    def lead(self, gravity: np.ndarray = DOWN) -> np.ndarray:
-        """What to add to `Reached.q` so that the motors are there in time [n], rad; once after each `solve`.
+    def lead(self, gravity: np.ndarray = DOWN, measured: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
+        """What to add to `Reached.q` so that the motors are there in time and do not swing [n], rad; once after each `solve`.
 
-        gravity: its unit direction in the pelvis frame [3] (`State.gravity`).
+        gravity: its unit direction in the pelvis frame [3] (`State.gravity`). measured: angles [n], rad, and speeds [n], rad/s, of
+        waist and arms now.
         """
-        return self._feedforward.step(self._solver.q, gravity)
+        return self._feedforward.step(self._solver.q, gravity, measured)
 
     def sag(self, q: np.ndarray, gravity: np.ndarray = DOWN) -> np.ndarray:
         """What to add to joint targets q [n] so that the motors hold q against gravity, standing still [n], rad."""

@@ -73,7 +73,7 @@ class WholeBody:
         reached = self._reach.solve(self._interpolator.step(command.wrists), command.waist)
         solved = perf_counter()
         spec, q = self._spec, self._spec.home.copy()
-        q[self._upper] = reached.q + self._reach.lead(state.gravity)
+        q[self._upper] = reached.q + self._reach.lead(state.gravity, (state.q[self._upper], state.dq[self._upper]))
         q[self._hands] = self._open + command.hands.ravel() * (self._closed - self._open)
         q[self._neck] = command.neck
         posture = np.array([[command.height, command.roll, command.pitch]])

@@ -1,6 +1,7 @@
 """`teleop-bench wrists`: how exactly the wrists follow people's motions while the robot walks as those people did.
 
-The whole live policy runs on the play model: interpolation, inverse kinematics, feedforward, legs. Targets arrive at the tick rate.
+The whole live policy runs on the play model: interpolation, inverse kinematics, feedforward, legs. Targets arrive at the tick rate;
+where the wrists are when one comes is compared with it, as in a row of a recording, so that lag counts.
 """
 
 from __future__ import annotations
@@ -98,12 +99,12 @@ class _Follower:
             state = self._plant.step(self._policy.act(state, first))
         rows = []
         for t in range(len(frames)):
-            command = self._command(clip, t)
-            state = self._plant.step(self._policy.act(state, command))
-            if state.fallen(0.5 * self._plant.spec.nominal_height):
-                return np.array(rows).reshape(-1, 2, 2, 6), True
-            actual = self._wrists(state.q[self._upper])
+            command, actual = self._command(clip, t), self._wrists(state.q[self._upper])
+            target = self._policy.act(state, command)
             rows.append([_missing(actual, self._policy.trace.reached.reachable), _missing(actual, command.wrists)])
+            state = self._plant.step(target)
+            if state.fallen(0.5 * self._plant.spec.nominal_height):
+                return np.array(rows), True
         return np.array(rows), False
 
     def _command(self, clip: Clip, t: int, walking: bool = True) -> Command:

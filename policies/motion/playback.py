@@ -22,7 +22,9 @@ BLEND = 1.0
 class Playback:
     """Upper-body targets [count, 15] (waist and arms, motor order) for many robots."""
 
-    def __init__(self, spec: RobotSpec, clips: ClipSet, count: int, rng: np.random.Generator, alpha: float = 0.0, fastest: float = 1.0) -> None:
+    def __init__(
+        self, spec: RobotSpec, clips: ClipSet, count: int, rng: np.random.Generator, alpha: float = 0.0, fastest: float = 1.0
+    ) -> None:
         """alpha: amplitude of every motion to begin with. fastest: half of the plays are hurried, at most so many times."""
         self._rng, self._dt, self._fastest = rng, 1 / spec.policy_rate, fastest
         self.home = spec.home[spec.group("waist", "arms")]

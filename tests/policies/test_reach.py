@@ -218,6 +218,12 @@ class Hung:
         self.data.qpos[self.at] = SPEC.home[: self.model.nu]
         self.data.ctrl[:] = SPEC.home[: self.model.nu]
 
+    @property
+    def measured(self) -> tuple[np.ndarray, np.ndarray]:
+        """The arms' angles [15], rad, and speeds [15], rad/s."""
+        at = [self.model.joint(name).dofadr[0] for name in SPEC.motor_names[GROUP]]
+        return self.data.qpos[self.at][GROUP], self.data.qvel[at]
+
     def step(self, arms: np.ndarray) -> np.ndarray:
         """One tick; returns the arms' angles [15]."""
         self.data.ctrl[GROUP] = arms
@@ -250,6 +256,22 @@ def test_lead_brings_the_wrists_there_in_time(reach: Reach) -> None:
         target = moved(home, 0, *(np.array([0.15, 0.05, 0.2]) * min(1.0, tick / 15)))
         actual = hung.step(reach.solve(target).q + reach.lead())
     assert gap(reach, actual, target) < 0.01
+
+
+def test_an_arm_that_was_struck_is_calmed_by_what_is_measured() -> None:
+    swing = {}
+    for calmed in (False, True):
+        hung, feedforward = Hung(), Feedforward(ROBOT)
+        for tick in range(100):
+            if tick == 50:
+                hung.data.qvel[[hung.model.joint(f"{side}_shoulder_pitch_joint").dofadr[0] for side in ("left", "right")]] = 3.0
+            actual = hung.step(HOME + feedforward.step(HOME, measured=hung.measured if calmed else None))
+            if tick == 75:
+                swing[calmed] = 0.0
+            if tick > 75:
+                swing[calmed] = max(swing[calmed], float(np.abs(actual - HOME).max()))
+    assert swing[False] > 0.02, "by itself it swings on"
+    assert swing[True] < swing[False] / 4
 
 
 def test_sag_follows_a_leaning_pelvis(reach: Reach) -> None:
