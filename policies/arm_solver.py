@@ -20,8 +20,8 @@ from robots.catalog import Robot
 
 SPEED_SHARE, TOP_SPEED = 0.6, 6.0
 """A joint uses at most this share of its motor's speed, and never more than this [rad/s]."""
-GAIN = 0.4
-"""Share of the error that one tick removes: a wrist follows a steady drag 30 ms behind."""
+GAIN = 0.6
+"""Share of the error that one tick removes: a wrist follows a steady drag 13 ms behind."""
 WEIGHTS = (1.0, 0.1)
 """Weights of a wrist's translation [1/m] and rotation [1/rad]: where both cannot be had, place goes first."""
 BOUNDS = (0.12, 0.5)
