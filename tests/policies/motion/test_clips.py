@@ -44,6 +44,13 @@ def test_clips_come_back_as_they_were_saved(tmp_path: Path) -> None:
     assert found.seconds == pytest.approx(4.0)
 
 
+def test_runs_and_jumps_are_left_out_whatever_their_label() -> None:
+    walk, unlabelled = clip("walk"), clip("run with box")
+    unlabelled.twist[:, 0] = 4.9
+    kept = ClipSet.of(SPEC, [walk, replace(clip("leap"), category="jump"), unlabelled]).grounded()
+    assert [c.name for c in kept.clips] == ["walk"]
+
+
 def test_a_store_of_another_robot_or_a_damaged_one_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "clips.npz"
     replace(ClipSet.of(SPEC, [clip()]), robot="gr7").save(path)

@@ -91,3 +91,16 @@ def test_what_comes_is_known_ahead_within_a_play():
 def test_the_ground_speed_is_the_clips():
     playback = Playback(SPEC, clips(3.0, 3.0), 16, np.random.default_rng(6))
     assert set(playback.twist()[:, 1].tolist()) == {0.0, 0.1}
+
+
+def test_half_of_the_plays_are_hurried_and_the_feet_go_where_the_arms_are():
+    line = np.linspace(0, 1, 200)
+    clip = Clip("line", 50.0, HOME + line[:, None], np.outer(line, [1, 0, 0]), np.ones(200), "somebody", "train", "gesture")
+    playback = Playback(SPEC, ClipSet.of(SPEC, [clip]), 400, np.random.default_rng(7), alpha=1.0, fastest=1.5)
+    motion = played(playback, 120)[-70:, :, 0] - HOME[0]  # after the blend, before the first play ends
+    pace = np.diff(motion, axis=0) / (line[1] - line[0])
+    np.testing.assert_allclose(pace, np.broadcast_to(pace[0], pace.shape), atol=1e-6)
+    assert np.mean(pace[0] < 1 + 1e-6) == pytest.approx(0.5, abs=0.1)
+    assert pace.min() > 1 - 1e-6
+    assert 1.4 < pace.max() < 1.5
+    np.testing.assert_allclose(playback.twist()[:, 0], motion[-1], atol=1.01 * (line[1] - line[0]))
