@@ -19,6 +19,8 @@ DOWN = np.array([0.0, 0.0, -1.0])
 STIFF, CALM = 80.0, 6.0
 """Accelerations against a deviation [1/s^2] and against its speed [1/s], beside the motor's own. With CALM at 12, fast motions of a
 walking robot shake themselves up: what is measured is a tick old, and the pelvis gives way."""
+WAIST = 0.3
+"""Share of them at the waist, whose motor turns the pelvis as much as the trunk: at 1, some motions twist a standing robot to and fro."""
 
 
 class Feedforward:
@@ -31,6 +33,7 @@ class Feedforward:
         spec, group = robot.spec, robot.spec.group("waist", "arms")
         self._model, self._dt = ArmModel(robot), dt
         motors = spec.motors[group]
+        self._trust = np.array([WAIST if j.group == "waist" else 1.0 for j in motors])
         self._kp, self._kd, self._effort = (np.array([getattr(j, key) for j in motors]) for key in ("kp", "kd", "effort"))
         self.reset(spec.home[group])
 
@@ -48,7 +51,7 @@ class Feedforward:
         acceleration = (speed - self._speed) / self._dt
         if measured is not None:
             now = (self._q + q) / 2  # a target holds for a whole tick, so a joint that keeps up is half a tick behind its next one
-            acceleration += STIFF * (now - measured[0]) + CALM * (speed - measured[1])
+            acceleration += self._trust * (STIFF * (now - measured[0]) + CALM * (speed - measured[1]))
         self._q, self._speed = q.copy(), speed
         return self._offset(q, speed, acceleration, gravity)
 
