@@ -102,7 +102,7 @@ class ArmModel:
     def torque(self, speed: np.ndarray, acceleration: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         """Torque that gives the joints a speed [size], rad/s, and an acceleration [size], rad/s^2, from here on [size], N m.
 
-        gravity: its unit direction in the pelvis frame [3].
+        gravity: what pulls at every body, in the pelvis frame [3], g.
         """
         model, data = self._model, self._data
         model.opt.gravity[:] = 9.81 * gravity

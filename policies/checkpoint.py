@@ -43,6 +43,12 @@ def find(name: str, kind: str) -> Path:
     raise UnknownPolicy(name, known(kind))
 
 
+def title(policy: str) -> str:
+    """What to call weights in a table: their name, or that of the run folder in which a training left them."""
+    path = Path(policy)
+    return path.resolve().parent.name if path.name == "walk.safetensors" else path.stem
+
+
 def save(path: Path, tensors: dict[str, Tensor], card: dict) -> None:
     """Write weights and card so that a crash leaves the old pair or the new one."""
     import safetensors.torch

@@ -1,9 +1,9 @@
 """What a spring-like motor must be told beyond the angle: the torque that its joint needs on the way.
 
 The arms' motors are soft (140 N m/rad at a shoulder): under their own weight the wrists hang 21 mm low, and after a quick
-move they swing for two seconds. Both are known in advance from the equations of motion. What cannot be known, the steps that
-shake the arms from below, is corrected by what is measured, with the torques that the joints' common inertia asks for (computed
-torque control: Craig, Introduction to Robotics, chapter 10).
+move they swing for two seconds. Both are known in advance from the equations of motion, and so is how steps shake the arms from below,
+once the pelvis's acceleration is felt. The rest is corrected by what is measured, with the torques that the joints' common inertia asks
+for (computed torque control: Craig, Introduction to Robotics, chapter 10).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from robots.catalog import Robot
 DOWN = np.array([0.0, 0.0, -1.0])
 """Gravity in the frame of an upright pelvis."""
 
-STIFF, CALM = 80.0, 6.0
+STIFF, CALM = 80.0, 8.0
 """Accelerations against a deviation [1/s^2] and against its speed [1/s], beside the motor's own. With CALM at 12, fast motions of a
 walking robot shake themselves up: what is measured is a tick old, and the pelvis gives way."""
 WAIST = 0.3
@@ -26,7 +26,8 @@ WAIST = 0.3
 class Feedforward:
     """Turns joint angles that waist and arms shall have into joint targets that make them have those angles.
 
-    The pelvis counts as unmoved; gravity may come from any side.
+    The pelvis counts as unmoved. Gravity may come from any side, and with less or more than 1 g: that is how a pelvis feels to the arms
+    which is accelerated along a line. Its turning is left out: the waist's answer would turn the pelvis in its turn.
     """
 
     def __init__(self, robot: Robot, dt: float = 0.02) -> None:
@@ -44,7 +45,7 @@ class Feedforward:
     def step(self, q: np.ndarray, gravity: np.ndarray = DOWN, measured: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """What to add to the joint targets q [n] of this tick, rad.
 
-        gravity: its unit direction in the pelvis frame [3]. measured: angles [n], rad, and speeds [n], rad/s, of the joints now;
+        gravity: what pulls at the arms, in the pelvis frame [3], g. measured: angles [n], rad, and speeds [n], rad/s, of the joints now;
         without them nothing is corrected.
         """
         speed = (q - self._q) / self._dt

@@ -118,8 +118,8 @@ class Reach:
     def lead(self, gravity: np.ndarray = DOWN, measured: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
         """What to add to `Reached.q` so that the motors are there in time and do not swing [n], rad; once after each `solve`.
 
-        gravity: its unit direction in the pelvis frame [3] (`State.gravity`). measured: angles [n], rad, and speeds [n], rad/s, of
-        waist and arms now.
+        gravity: what pulls at the arms, in the pelvis frame [3], g: `State.gravity` for a pelvis at rest. measured: angles [n], rad, and
+        speeds [n], rad/s, of waist and arms now.
         """
         return self._feedforward.step(self._solver.q, gravity, measured)
 

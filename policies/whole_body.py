@@ -18,6 +18,9 @@ from robots.catalog import Robot
 from robots.state import State
 from robots.target import Target
 
+SHOCK = 1.0
+"""The arms make up for so much of the pelvis's acceleration at most, an axis [g]."""
+
 
 @dataclass(frozen=True)
 class Trace:
@@ -52,6 +55,7 @@ class WholeBody:
         self._walk = Walk(robot, walk, others=others)
         self._upper, self._hands, self._neck = spec.group("waist", "arms"), spec.group("hands"), spec.group("neck")
         self._open, self._closed = drive_range(spec)
+        self._velocity = np.zeros(3)
         self.trace = Trace(
             np.zeros(self._walk.observer.size, np.float32), np.zeros(LATENT, np.float32), np.zeros(12, np.float32),
             self._reach.solve(self._reach.forward(spec.home[self._upper])), 0.0, 0.0,
@@ -66,6 +70,7 @@ class WholeBody:
         self._reach.reset(state.q[self._upper])
         self._interpolator.reset(self._reach.forward(state.q[self._upper]))
         self._walk.reset(state.q[None, self._upper])
+        self._velocity = state.velocity
 
     def act(self, state: State, command: Command) -> Target:
         """Targets of all motors [41]."""
@@ -73,7 +78,7 @@ class WholeBody:
         reached = self._reach.solve(self._interpolator.step(command.wrists), command.waist)
         solved = perf_counter()
         spec, q = self._spec, self._spec.home.copy()
-        q[self._upper] = reached.q + self._reach.lead(state.gravity, (state.q[self._upper], state.dq[self._upper]))
+        q[self._upper] = reached.q + self._reach.lead(self._felt(state), (state.q[self._upper], state.dq[self._upper]))
         q[self._hands] = self._open + command.hands.ravel() * (self._closed - self._open)
         q[self._neck] = command.neck
         posture = np.array([[command.height, command.roll, command.pitch]])
@@ -88,6 +93,12 @@ class WholeBody:
             1e3 * (done - solved),
         )
         return Target(np.clip(q, spec.lower, spec.upper))
+
+    def _felt(self, state: State) -> np.ndarray:
+        """What pulls at the arms, as an accelerometer in the pelvis feels it over a tick: gravity less the pelvis's acceleration [3], g."""
+        acceleration = (state.velocity - self._velocity) * self._spec.policy_rate / 9.81
+        self._velocity = state.velocity
+        return state.gravity - np.clip(state.in_pelvis(acceleration), -SHOCK, SHOCK)
 
 
 def _alone(state: State) -> State:

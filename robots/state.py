@@ -38,6 +38,12 @@ class State:
     touch: np.ndarray
     """Normal force under each sole [..., 2], N."""
 
+    def in_pelvis(self, vector: np.ndarray) -> np.ndarray:
+        """A vector of the world [..., 3] in the pelvis frame."""
+        w, axis = self.quaternion[..., :1], -self.quaternion[..., 1:]
+        t = 2 * np.cross(axis, vector)
+        return vector + w * t + np.cross(axis, t)
+
     @property
     def gravity(self) -> np.ndarray:
         """Unit gravity in the pelvis frame [..., 3]; (0, 0, -1) when upright."""

@@ -58,7 +58,7 @@ def run(config: FallsBench) -> dict:
     record = {"rows": rows, "clips": len(clips), "hours": config.hours, "seed": config.seed, "commit": commit()}
     table = Table("policy", "falls", "falls a robot-hour", "walked km", title=f"{config.hours:g} robot-hours of random driving")
     for row in rows:
-        table.add_row(Path(row["policy"]).stem, str(row["falls"]), f"{row['falls_per_hour']:.2f}", f"{row['kilometres']:.2f}")
+        table.add_row(checkpoint.title(row["policy"]), str(row["falls"]), f"{row['falls_per_hour']:.2f}", f"{row['kilometres']:.2f}")
     Console().print(table)
     if config.json:
         config.json.write_text(json.dumps(record, indent=1) + "\n")
@@ -76,7 +76,7 @@ def drive(robot: Robot, policy: str, clips: ClipSet, config: FallsBench) -> dict
     goal, twist, posture, left = np.tile([0, 0, 0, *home], (n, 1)), np.zeros((n, 3)), np.tile(home, (n, 1)), np.zeros(n)
     low, high = np.column_stack([TWIST, HEIGHT])
     state, falls, metres = fleet.state(), 0, 0.0
-    for _ in track(range(round(3600 * config.hours / n / dt)), f"driving {Path(policy).stem}", transient=True):
+    for _ in track(range(round(3600 * config.hours / n / dt)), f"driving {checkpoint.title(policy)}", transient=True):
         left -= dt
         new = left <= 0
         goal[new, :4] = rng.uniform(low, high, (int(new.sum()), 4))

@@ -7,6 +7,7 @@ import platform
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -15,6 +16,7 @@ from policies import checkpoint
 from policies.bench.motions import motions
 from policies.bench.tracking import MEASURES, Conditions, track
 from policies.commit import commit
+from policies.picture import canvas
 from robots import catalog
 
 PAPER = {
@@ -46,6 +48,8 @@ class PaperBench:
     """Of starts; each seed is a run of all rollouts."""
     json: Path | None = None
     """Also write the figures to this file."""
+    picture: Path | None = None
+    """Also draw them, beside the paper's."""
 
 
 def run(config: PaperBench) -> dict:
@@ -74,6 +78,8 @@ def run(config: PaperBench) -> dict:
     console.print(_beside(record))
     if config.json:
         config.json.write_text(json.dumps(record, indent=1) + "\n")
+    if config.picture:
+        _draw(record, config.picture)
     return record
 
 
@@ -87,7 +93,7 @@ def _table(record: dict) -> Table:
         table.add_column(name, justify="left" if name == "policy" else "right")
     for row in record["rows"]:
         cells = [_number(row["all"][name]) for name in MEASURES]
-        table.add_row(Path(row["policy"]).stem, str(row["seed"]), f"{row['all']['survival']:.1%}", *cells)
+        table.add_row(checkpoint.title(row["policy"]), str(row["seed"]), f"{row['all']['survival']:.1%}", *cells)
     table.add_section()
     for name, values in record["paper"].items():
         table.add_row(f"paper: {name}", "", "", *(_number(value) for value in values.values()))
@@ -104,8 +110,27 @@ def _beside(record: dict) -> Table:
         values, upright = row["all"], row["upright"]
         ratio = values["acc_upper"] / max(values["reference_acc"], 1e-9)
         cells = [_number(values[name]) for name in beside] + [f"{ratio:.2f}", _number(upright.get("gravity", float("nan")))]
-        table.add_row(Path(row["policy"]).stem, str(row["seed"]), *cells)
+        table.add_row(checkpoint.title(row["policy"]), str(row["seed"]), *cells)
     return table
+
+
+def _draw(record: dict, path: Path) -> None:
+    """Bars of every measure: means over the seeds, whiskers from the least to the most of them, the paper's rows in grey."""
+    ours: dict[str, list[dict]] = {}
+    for row in record["rows"]:
+        ours.setdefault(checkpoint.title(row["policy"]), []).append(row["all"])
+    names = [*ours, *(f"paper: {name}" for name in record["paper"])]
+    colours = [*(f"C{i}" for i in range(len(ours))), *["0.75"] * len(record["paper"])]
+    with canvas(path, 2, 5, (15, 1.5 + 0.5 * len(names))) as axes:
+        for axis, (measure, unit) in zip(axes.flat, ({"survival": "share"} | MEASURES).items(), strict=True):
+            runs = [[row[measure] for row in rows] for rows in ours.values()]
+            runs += [[row.get(measure, float("nan"))] for row in record["paper"].values()]
+            means, least, most = (np.array([of(seeds) for seeds in runs]) for of in (np.mean, np.min, np.max))
+            axis.barh(names, means, xerr=[means - least, most - means], color=colours)
+            axis.set_ylim(len(names) - 0.5, -0.5)
+            axis.locator_params(axis="x", nbins=4)
+            axis.set_title(f"{measure.replace('_', ' ')} [{unit}]", fontsize=10)
+            axis.tick_params(labelsize=8, labelleft=axis in axes[:, 0])
 
 
 def _number(value: float) -> str:

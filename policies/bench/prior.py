@@ -16,6 +16,7 @@ from rich.table import Table
 from policies.commit import commit
 from policies.motion.clip import ClipSet
 from policies.prior.evaluate import SECONDS, Error, Errors, judge
+from policies.prior.picture import draw
 from policies.prior.prior import Prior
 from policies.prior.windows import Windows
 from robots import catalog
@@ -89,8 +90,6 @@ def run(config: PriorBench) -> dict:
     if config.json:
         config.json.write_text(json.dumps(record, indent=1) + "\n")
     if config.picture:
-        from policies.prior.picture import draw  # half a second that only the picture needs
-
         draw(prior.model, windows, config.picture, config.curve)
     return record
 

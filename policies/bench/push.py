@@ -14,6 +14,7 @@ from policies import checkpoint
 from policies.bench.tracking import fallen
 from policies.commit import commit
 from policies.gait import PERIOD
+from policies.picture import canvas
 from policies.walk import Walk
 from robots import catalog
 from robots.batch import Fleet
@@ -54,25 +55,32 @@ class PushBench:
     """Of the pushes' moments within the gait cycle."""
     json: Path | None = None
     """Also write the figures to this file."""
+    picture: Path | None = None
+    """Also draw pitch and pitch rate of every push."""
 
 
 def run(config: PushBench) -> dict:
     """Push, print the table, return the JSON record."""
     robot, console = catalog.load(config.robot), Console()
-    rows = []
+    rows, records = [], []
     for policy in config.policy or tuple(checkpoint.known("walk")):
         for what, speed in (("walking", config.speed), ("standing", 0.0)):
             with console.status(f"{policy}, {what}"):
-                rows.append({"policy": policy, "what": what} | push(robot, policy, config, speed))
+                figures, watched = push(robot, policy, config, speed)
+            rows.append({"policy": policy, "what": what} | figures)
+            records.append(watched)
     record = {"rows": rows, "force": config.force, "seconds": config.seconds, "seed": config.seed, "commit": commit()}
     Console(width=120).print(_table(config, rows))
     if config.json:
         config.json.write_text(json.dumps(record, indent=1) + "\n")
+    if config.picture:
+        _draw(rows, records, 1 / robot.spec.policy_rate, config.picture)
     return record
 
 
-def push(robot: Robot, policy: str, config: PushBench, speed: float) -> dict:
-    """Ten robots, each pushed once at its own moment of the gait cycle; means over those that stayed upright."""
+def push(robot: Robot, policy: str, config: PushBench, speed: float) -> tuple[dict, np.ndarray]:
+    """Ten robots, each pushed once at its own moment of the gait cycle: means over those that stayed upright, and what each of these did
+    from the push on [upright, ticks, 5], as `_one` takes it."""
     n, dt = config.pushes, 1 / robot.spec.policy_rate
     fleet, walk = Fleet(robot, n), Walk(robot, policy, n)
     force = fleet.batch.bind("xfrc_applied").reshape(n, -1, 6)[:, fleet.model.body("torso_link").id]
@@ -92,10 +100,11 @@ def push(robot: Robot, policy: str, config: PushBench, speed: float) -> dict:
         rate = np.cos(roll) * state.gyro[:, 1] - np.sin(roll) * state.gyro[:, 2]
         rows.append(np.column_stack([pitch, rate, state.heading_velocity, state.contact.all(-1)]))
     record, start = np.array(rows), np.round(first / dt).astype(int)
-    watched = [_one(record[begin : begin + round(AFTER / dt), i], dt, speed) for i, begin in enumerate(start) if upright[i]]
+    after = np.array([record[begin : begin + round(AFTER / dt), i] for i, begin in enumerate(start) if upright[i]])
+    watched = [_one(one, dt, speed) for one in after]
     means = {name: round(float(np.nanmean([w[name] for w in watched])), 3) for name in watched[0]} if watched else {}
     recovered = sum(np.isfinite(w["recovery"]) for w in watched)
-    return {"upright": int(upright.sum()), "recovered": int(recovered), "pushes": n} | means
+    return {"upright": int(upright.sum()), "recovered": int(recovered), "pushes": n} | means, after
 
 
 def _one(record: np.ndarray, dt: float, speed: float) -> dict[str, float]:
@@ -126,9 +135,26 @@ def _table(config: PushBench, rows: list[dict]) -> Table:
         cells = ["", "", ""]
         if "pitch_rate" in r:
             cells = [f"{r['pitch_rate']:.3f}", f"{r['pitch_low']:+.3f} to {r['pitch_high']:+.3f}", f"{r['recovery']:.2f}"]
-        table.add_row(Path(r["policy"]).stem, r["what"], f"{r['upright']}/{r['pushes']}", f"{r['recovered']}/{r['pushes']}", *cells)
+        table.add_row(checkpoint.title(r["policy"]), r["what"], f"{r['upright']}/{r['pushes']}", f"{r['recovered']}/{r['pushes']}", *cells)
     table.add_section()
     for name, cases in PAPER.items():
         for what, (rate, low, high, recovery) in cases.items():
             table.add_row(name, what, "", "", f"{rate:.3f}", f"{low:+.3f} to {high:+.3f}", f"{recovery:.2f}")
     return table
+
+
+def _draw(rows: list[dict], records: list[np.ndarray], dt: float, path: Path) -> None:
+    """A column for each of walking and standing; a thin line for every push, a colour for every policy, dotted where it had recovered."""
+    columns = list(dict.fromkeys(row["what"] for row in rows))
+    colours = {policy: f"C{i}" for i, policy in enumerate(dict.fromkeys(row["policy"] for row in rows))}
+    with canvas(path, 2, len(columns), (11, 6)) as axes:
+        for row, record in zip(rows, records, strict=True):
+            pair, colour = axes[:, columns.index(row["what"])], colours[row["policy"]]
+            for axis, part, unit in zip(pair, (0, 1), ("pitch [rad]", "pitch rate [rad/s]"), strict=True):
+                for i, one in enumerate(record):
+                    name = checkpoint.title(row["policy"]) if i == 0 else None
+                    axis.plot(dt * np.arange(len(one)), one[:, part], colour, linewidth=0.6, alpha=0.5, label=name)
+                axis.axvline(row.get("recovery", np.nan), color=colour, linestyle=":")
+                axis.set(title=row["what"], xlabel="seconds from the push", ylabel=unit, xlim=(0, 4))
+                axis.grid(alpha=0.3)
+                axis.legend(fontsize=8)

@@ -14,6 +14,7 @@ from policies import checkpoint
 from policies.bench.motions import motions
 from policies.bench.tracking import Conditions, track
 from policies.commit import commit
+from policies.picture import canvas
 from robots import catalog
 
 SHOWN = {"jpe": "joint error E_jpe [rad]", "gravity": "projected gravity E_g [m/s2]", "survival": "survival"}
@@ -76,22 +77,18 @@ def _table(rows: list[dict]) -> Table:
         table.add_column(name, justify="left" if name == "policy" else "right")
     for row in rows:
         values = f"{row['jpe']:.4f}", f"{row['gravity']:.3f}", f"{row['survival']:.1%}"
-        table.add_row(Path(row["policy"]).stem, str(row.get("push", "")), str(row.get("speed", "")), *values)
+        table.add_row(checkpoint.title(row["policy"]), str(row.get("push", "")), str(row.get("speed", "")), *values)
     return table
 
 
 def _draw(rows: list[dict], path: Path) -> None:
-    from matplotlib.figure import Figure  # half a second that only this picture needs
-
-    figure = Figure(figsize=(11, 5.5), layout="constrained")
-    for line, (what, label) in zip(figure.subplots(2, 3), {"push": "push [m/s]", "speed": "motion speed"}.items(), strict=True):
-        for axis, (measure, title) in zip(line, SHOWN.items(), strict=True):
-            for policy in dict.fromkeys(row["policy"] for row in rows):
-                points = [(row[what], row[measure]) for row in rows if row["policy"] == policy and what in row]
-                axis.plot(*zip(*points, strict=True), marker="o", label=Path(policy).stem)
-            axis.set(title=title, xlabel=label)
-            axis.set_ylim(bottom=0)
-            axis.grid(alpha=0.3)
-            axis.legend(fontsize=8)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=80)
+    with canvas(path, 2, 3, (11, 5.5)) as axes:
+        for line, (what, label) in zip(axes, {"push": "push [m/s]", "speed": "motion speed"}.items(), strict=True):
+            for axis, (measure, title) in zip(line, SHOWN.items(), strict=True):
+                for policy in dict.fromkeys(row["policy"] for row in rows):
+                    points = [(row[what], row[measure]) for row in rows if row["policy"] == policy and what in row]
+                    axis.plot(*zip(*points, strict=True), marker="o", label=checkpoint.title(policy))
+                axis.set(title=title, xlabel=label)
+                axis.set_ylim(bottom=0)
+                axis.grid(alpha=0.3)
+                axis.legend(fontsize=8)

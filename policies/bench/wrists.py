@@ -23,11 +23,14 @@ from policies.command import Command
 from policies.commit import commit
 from policies.envelope import HEIGHT, TWIST
 from policies.motion.clip import Clip
+from policies.picture import canvas
 from policies.whole_body import WholeBody
 from robots import catalog
 from robots.catalog import Robot
 from robots.plant import Plant
 
+MEASURED = ("joint targets", "operator's targets")
+"""What the wrists are compared with."""
 LEAD_IN = 2.0
 """Time in which the arms go to where the motion begins, the robot standing; not counted [s]."""
 PAPER = "paper, four tasks on the real H1, signed means: x .011 to .044, y -.032 to -.018, z .002 to .008 m; .002 to .171 rad"
@@ -48,6 +51,8 @@ class WristsBench:
     """Name in the catalog."""
     json: Path | None = None
     """Also write the figures to this file."""
+    picture: Path | None = None
+    """Also draw how the errors are distributed, and those of every motion."""
 
 
 def run(config: WristsBench) -> dict:
@@ -56,8 +61,7 @@ def run(config: WristsBench) -> dict:
     clips, follower = motions(robot, config.motions).clips, _Follower(robot, config.policy)
     rows = [follower.play(clip) for clip in track(clips, "following", transient=True)]
     errors = np.concatenate([row for row, _ in rows])
-    names = ("joint targets", "operator's targets")
-    figures = {name: _figures(errors[:, i]) for i, name in enumerate(names)}
+    figures = {name: _figures(errors[:, i]) for i, name in enumerate(MEASURED)}
     record: dict = figures | {"clips": len(clips), "fell": sum(fell for _, fell in rows), "minutes": len(errors) / 3000, "commit": commit()}
     record["policy"] = config.policy
     table = Table(title=f"wrists over {record['minutes']:.1f} minutes of walking, {record['fell']} of {len(clips)} fell", caption=PAPER)
@@ -71,6 +75,8 @@ def run(config: WristsBench) -> dict:
     Console(width=150).print(table)
     if config.json:
         config.json.write_text(json.dumps(record, indent=1) + "\n")
+    if config.picture:
+        _draw({clip.name: row for clip, (row, _) in zip(clips, rows, strict=True)}, config.picture)
     return record
 
 
@@ -82,6 +88,26 @@ def _figures(errors: np.ndarray) -> dict:
     axes = {"signed_mm": 1e3 * places.mean((0, 1)), "signed_degrees": np.degrees(turns.mean((0, 1)))}
     axes |= {"absolute_mm": 1e3 * np.abs(places).mean((0, 1)), "absolute_degrees": np.degrees(np.abs(turns).mean((0, 1)))}
     return {name: round(float(value), 2) for name, value in values.items()} | {k: v.round(2).tolist() for k, v in axes.items()}
+
+
+def _draw(errors: dict[str, np.ndarray], path: Path) -> None:
+    """errors: of every motion [ticks, 2, 2, 6], as `_Follower.play` returns them."""
+    every = np.concatenate(list(errors.values()))
+    share = np.linspace(0, 1, 500)
+    with canvas(path, 1, 3, (15, 2 + 0.13 * len(errors))) as ((near, turned, single),):
+        for i, name in enumerate(MEASURED):
+            near.plot(np.quantile(1e3 * np.linalg.norm(every[:, i, :, :3], axis=-1), share), share, label=name)
+            turned.plot(np.quantile(np.degrees(np.linalg.norm(every[:, i, :, 3:], axis=-1)), share), share, label=name)
+        near.set(title="share of the time that a wrist is nearer than", xlabel="mm", xlim=(0, 60), ylim=(0, 1))
+        turned.set(title="share of the time that it is turned less than", xlabel="degrees", xlim=(0, 10), ylim=(0, 1))
+        means = {name: 1e3 * np.linalg.norm(row[:, 0, :, :3], axis=-1).mean() for name, row in errors.items()}
+        names = sorted(means, key=means.__getitem__)
+        single.barh(names, [means[name] for name in names])
+        single.set(title=f"mean of each motion against the {MEASURED[0]}", xlabel="mm")
+        single.tick_params(labelsize=6)
+        for axis in (near, turned):
+            axis.legend(fontsize=8)
+            axis.grid(alpha=0.3)
 
 
 class _Follower:

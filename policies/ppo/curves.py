@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from policies.picture import canvas
+
 STYLES = ("-", "--", ":")
 PANELS = {
     "share of an episode survived": ("survived",),
@@ -39,31 +41,27 @@ class CurvesConfig:
 def draw(config: CurvesConfig) -> Path:
     """Write the picture; returns its path."""
     tables = {run.name: _rows(run / "curves.csv") for run in config.run}
-    from matplotlib.figure import Figure  # half a second that only this command needs
-
-    figure = Figure(figsize=(11, 6), layout="constrained")
     many = len(tables) > 1
-    for axis, (title, names) in zip(axes := list(figure.subplots(2, 3).flat), PANELS.items(), strict=True):
-        for i, (run, rows) in enumerate(tables.items()):
-            for k, name in enumerate(names):
-                points = np.array([(float(r["steps"]) / 1e6, float(r[name])) for r in rows if r.get(name)]).reshape(-1, 2)
-                if len(points) < config.smooth:
-                    continue
-                x, y = (np.convolve(column, np.full(config.smooth, 1 / config.smooth), "valid") for column in points.T)
-                label = run if many and axis is axes[0] else name if len(names) > 1 and i == 0 else None
-                axis.plot(x, y, label=label, lw=1, color=f"C{i if many else k}", linestyle=STYLES[k] if many else "-")
-            begins = [float(r["steps"]) / 1e6 for r, last in zip(rows[1:], rows, strict=False) if r["stage"] != last["stage"]]
-            for begin in begins:
-                axis.axvline(begin, color="grey", linewidth=0.5, linestyle=":")
-        axis.set_title(title, fontsize=10)
-        axis.set_xlabel("million steps", fontsize=8)
-        axis.grid(alpha=0.3)
-        if not many:
-            axis.set_ylim(bottom=0)
-        if axis.get_legend_handles_labels()[0]:
-            axis.legend(fontsize=8)
-    config.out.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(config.out, dpi=80)
+    with canvas(config.out, 2, 3, (11, 6)) as axes:
+        for axis, (title, names) in zip(axes.flat, PANELS.items(), strict=True):
+            for i, (run, rows) in enumerate(tables.items()):
+                for k, name in enumerate(names):
+                    points = np.array([(float(r["steps"]) / 1e6, float(r[name])) for r in rows if r.get(name)]).reshape(-1, 2)
+                    if len(points) < config.smooth:
+                        continue
+                    x, y = (np.convolve(column, np.full(config.smooth, 1 / config.smooth), "valid") for column in points.T)
+                    label = run if many and axis is axes[0, 0] else name if len(names) > 1 and i == 0 else None
+                    axis.plot(x, y, label=label, lw=1, color=f"C{i if many else k}", linestyle=STYLES[k] if many else "-")
+                begins = [float(r["steps"]) / 1e6 for r, last in zip(rows[1:], rows, strict=False) if r["stage"] != last["stage"]]
+                for begin in begins:
+                    axis.axvline(begin, color="grey", linewidth=0.5, linestyle=":")
+            axis.set_title(title, fontsize=10)
+            axis.set_xlabel("million steps", fontsize=8)
+            axis.grid(alpha=0.3)
+            if not many:
+                axis.set_ylim(bottom=0)
+            if axis.get_legend_handles_labels()[0]:
+                axis.legend(fontsize=8)
     return config.out
 
 

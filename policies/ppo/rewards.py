@@ -48,16 +48,9 @@ def foot_heights(state: State) -> np.ndarray:
 def foot_speeds(state: State) -> np.ndarray:
     """Horizontal speed of each sole over the floor [n, 2], m/s."""
     g = state.gravity
-    base = rotate_inverse(state.quaternion, state.velocity)
+    base = state.in_pelvis(state.velocity)
     v = base[:, None] + state.feet_velocity + np.cross(state.gyro[:, None, :], state.feet)
     return np.linalg.norm(v - (v * g[:, None]).sum(-1, keepdims=True) * g[:, None], axis=-1)
-
-
-def rotate_inverse(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """World vectors [n, 3] in the frame of quaternions wxyz [n, 4]."""
-    w, q = quaternion[:, :1], -quaternion[:, 1:]
-    t = 2 * np.cross(q, vector)
-    return vector + w * t + np.cross(q, t)
 
 
 class Rewards:

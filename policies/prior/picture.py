@@ -5,10 +5,10 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-import matplotlib as mpl
 import torch
 from torch import Tensor
 
+from policies.picture import canvas
 from policies.prior.evaluate import forecasts
 from policies.prior.model import PriorModel
 from policies.prior.windows import Windows
@@ -33,29 +33,24 @@ def draw(model: PriorModel, windows: Windows, path: Path, curve: Path | None = N
         windows: validation windows.
         curve: `curve.csv` of the training run, if it is to be shown.
     """
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
     history, future, rows = windows.every(10)
     made = forecasts(model, history, future)
     seconds = torch.arange(1, future.shape[1] + 1) / future.shape[1]
-    figure, axes = plt.subplots(2, 2, figsize=(11, 7), layout="constrained")
-    for name, label in SHOWN.items():
-        axes[0, 0].plot(seconds, (made[name] - future).square().mean((0, 2)).sqrt(), label=label)
-    top = float((made["hold"] - future).square().mean((0, 2)).sqrt().max())
-    axes[0, 0].set(title="error on validation clips", xlabel="seconds ahead", ylabel="rms over joints [rad]", ylim=(0, 1.6 * top))
-    axes[0, 0].legend(fontsize=8)
-    if curve is not None:
-        _curve(axes[0, 1], curve)
-    else:
-        axes[0, 1].axis("off")
     moving = (future - history[:, -1:]).square().mean((1, 2)).argsort()
-    for axis, lively in zip(axes[1], LIVELY, strict=True):
-        row = int(moving[int(lively * len(moving))])
-        _example(axis, history[row], future[row], made["R"][row], seconds)
-        axis.set(title=f"what came, and what R and D expected (dashed)\n{windows.names[int(rows[row])]}")
-    figure.savefig(path, dpi=80)
-    plt.close(figure)
+    top = float((made["hold"] - future).square().mean((0, 2)).sqrt().max())
+    with canvas(path, 2, 2, (11, 7)) as axes:
+        for name, label in SHOWN.items():
+            axes[0, 0].plot(seconds, (made[name] - future).square().mean((0, 2)).sqrt(), label=label)
+        axes[0, 0].set(title="error on validation clips", xlabel="seconds ahead", ylabel="rms over joints [rad]", ylim=(0, 1.6 * top))
+        axes[0, 0].legend(fontsize=8)
+        if curve is not None:
+            _curve(axes[0, 1], curve)
+        else:
+            axes[0, 1].axis("off")
+        for axis, lively in zip(axes[1], LIVELY, strict=True):
+            row = int(moving[int(lively * len(moving))])
+            _example(axis, history[row], future[row], made["R"][row], seconds)
+            axis.set(title=f"what came, and what R and D expected (dashed)\n{windows.names[int(rows[row])]}")
 
 
 def _example(axes, past: Tensor, future: Tensor, forecast: Tensor, seconds: Tensor) -> None:

@@ -26,3 +26,11 @@ def test_weights_without_their_card_are_named(tmp_path: Path):
     (tmp_path / "calm_h1.json").unlink()
     with pytest.raises(DamagedWeights, match=r"calm_h1\.safetensors cannot be read"):
         checkpoint.known("walk", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("policy", "title"),
+    [("walk_h1", "walk_h1"), ("runs/pmp-11/walk.safetensors", "pmp-11"), ("elsewhere/mine.safetensors", "mine")],
+)
+def test_weights_of_runs_are_called_by_their_run(policy, title):
+    assert checkpoint.title(policy) == title

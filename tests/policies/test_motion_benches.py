@@ -1,6 +1,7 @@
 """The benches on recorded motions: measures by hand where they can be, and what must come out when nothing disturbs."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,10 @@ def clip(name: str, seconds: float, swing: float, vx: float = 0.0, split="val", 
     q = HOME + swing * np.sin(2 * np.pi * 0.5 * time)[:, None] * np.eye(15)[4]
     twist = np.tile([vx, 0, 0], (len(time), 1))
     return Clip(name, 50.0, q, twist, np.full(len(time), 1.0), "somebody", split, category)
+
+
+def drawn(picture: Path) -> bool:
+    return picture.read_bytes()[1:4] == b"PNG"
 
 
 @pytest.fixture(scope="module")
@@ -80,9 +85,10 @@ def test_key_points_follow_the_waist():
     np.testing.assert_allclose(after, before @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), atol=1e-9)
 
 
-def test_the_paper_bench_prints_both_and_writes_json(clips, tmp_path, capsys):
-    out = tmp_path / "paper.json"
-    paper.run(paper.PaperBench(motions=clips, policy=("walk_h1",), repeats=1, json=out))
+def test_the_paper_bench_prints_both_writes_json_and_draws(clips, tmp_path, capsys):
+    out, picture = tmp_path / "paper.json", tmp_path / "pictures" / "paper.png"
+    paper.run(paper.PaperBench(motions=clips, policy=("walk_h1",), repeats=1, seeds=(0, 1), json=out, picture=picture))
+    assert drawn(picture)
     record = json.loads(out.read_text())
     assert record["rows"][0]["all"]["survival"] == 1
     assert record["paper"]["PMP"]["gravity"] == 1.301
@@ -93,13 +99,21 @@ def test_robustness_draws_what_it_measures(clips, tmp_path):
     picture = tmp_path / "r.png"
     record = robustness.run(robustness.RobustnessBench(clips, ("walk_h1",), push=(0.0,), speed=(2.0,), repeats=1, picture=picture))
     assert [row.get("push", row.get("speed")) for row in record["rows"]] == [0.0, 2.0]
-    assert picture.read_bytes()[1:4] == b"PNG"
+    assert drawn(picture)
 
 
 def test_a_push_of_no_force_is_recovered_from_at_once_when_standing():
-    row = push.push(ROBOT, "walk_h1", push.PushBench(force=0.0, pushes=2), speed=0.0)
+    row, _ = push.push(ROBOT, "walk_h1", push.PushBench(force=0.0, pushes=2), speed=0.0)
     assert row["recovery"] == 0
     assert row["upright"] == 2
+
+
+def test_the_push_bench_draws_every_push(tmp_path):
+    picture = tmp_path / "push.png"
+    record = push.run(push.PushBench(("walk_h1",), pushes=2, picture=picture))
+    assert [row["what"] for row in record["rows"]] == ["walking", "standing"]
+    assert [row["recovered"] for row in record["rows"]] == [2, 2]
+    assert drawn(picture)
 
 
 def test_random_driving_for_a_robot_minute(clips):
@@ -109,7 +123,8 @@ def test_random_driving_for_a_robot_minute(clips):
 
 
 def test_wrists_of_the_live_robot_follow_a_slow_swing(clips, tmp_path):
-    record = wrists.run(wrists.WristsBench(motions=clips, json=tmp_path / "w.json"))
+    record = wrists.run(wrists.WristsBench(motions=clips, json=tmp_path / "w.json", picture=tmp_path / "w.png"))
+    assert drawn(tmp_path / "w.png")
     assert record["fell"] == 0
     assert record["operator's targets"]["mm"] < 25
     assert record["joint targets"]["mm"] < 10

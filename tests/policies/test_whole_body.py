@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from policies import whole_body
+from policies.arm_model import ArmModel
 from policies.command import Command
 from policies.whole_body import WholeBody
 from robots import catalog
@@ -64,6 +66,23 @@ def test_wrists_arrive_within_a_second_while_standing(robot):
         actual = pelvis.xmat.reshape(3, 3).T @ (data.site(side).xpos - pelvis.xpos)
         assert np.linalg.norm(actual - target[:3]) < 0.01
     assert all((s.touch > 0).all() for s in states)
+
+
+def test_what_the_pelvis_feels_keeps_the_wrists_quiet_under_steps(robot, monkeypatch):
+    """Held at home while walking, as the wrists' distance from there in the pelvis frame [mm]."""
+    sway = {}
+    for felt in (1.0, 0.0):
+        monkeypatch.setattr(whole_body, "SHOCK", felt)
+        robot.policy.reset(robot.state)
+        states = robot.run(4, replace(robot.home, twist=np.array([0.5, 0, 0])))[100:]
+        arms, wanted = ArmModel(robot.robot), robot.home.wrists[:, :3]
+        gaps = []
+        for state in states:
+            arms.pose(state.q[robot.robot.spec.group("waist", "arms")])
+            gaps.append(np.linalg.norm(arms.wrists()[:, :3] - wanted, axis=1).mean())
+        sway[felt] = 1e3 * np.mean(gaps)
+    assert sway[1.0] < 0.8 * sway[0.0]
+    assert sway[1.0] < 6
 
 
 def test_it_crouches(robot):
