@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from robots.catalog import Robot
+from robots.state import GRAVITY
 
 SIGHT = 0.12
 """Surfaces closer than this are seen as obstacles [m]: more than two hands close in one tick at full joint speed."""
@@ -105,7 +106,7 @@ class ArmModel:
         gravity: what pulls at every body, in the pelvis frame [3], g.
         """
         model, data = self._model, self._data
-        model.opt.gravity[:] = 9.81 * gravity
+        model.opt.gravity[:] = GRAVITY * gravity
         data.qvel[self._order], data.qacc[self._order] = speed, acceleration
         mujoco.mj_comVel(model, data)
         mujoco.mj_rne(model, data, 1, self._torque)

@@ -15,7 +15,7 @@ from policies.observation import LATENT
 from policies.reach import Reach, Reached
 from policies.walk import Walk
 from robots.catalog import Robot
-from robots.state import State
+from robots.state import GRAVITY, State
 from robots.target import Target
 
 SHOCK = 1.0
@@ -96,7 +96,7 @@ class WholeBody:
 
     def _felt(self, state: State) -> np.ndarray:
         """What pulls at the arms, as an accelerometer in the pelvis feels it over a tick: gravity less the pelvis's acceleration [3], g."""
-        acceleration = (state.velocity - self._velocity) * self._spec.policy_rate / 9.81
+        acceleration = (state.velocity - self._velocity) * self._spec.policy_rate / GRAVITY
         self._velocity = state.velocity
         return state.gravity - np.clip(state.in_pelvis(acceleration), -SHOCK, SHOCK)
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+GRAVITY = 9.81
+"""m/s^2"""
 CONTACT = 5.0
 """A sole that carries more touches the ground [N]."""
 FALLEN_TILT = np.deg2rad(60)

@@ -18,13 +18,12 @@ from policies.observation import ACTION_SCALE
 from policies.walk import Walk
 from robots.batch import Fleet
 from robots.catalog import Robot
-from robots.state import State
+from robots.state import GRAVITY, State
 
 LONGEST = 20.0
 """s"""
 PUSH_EVERY = 5.0
 """s"""
-GRAVITY = 9.81
 MEASURES = {
     "acc_upper": "rad/s2",
     "action_upper": "rad",
