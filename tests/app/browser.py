@@ -88,6 +88,20 @@ class Robot:
         self._process.communicate(timeout=15)
 
 
+def wait(page: Page, condition: str) -> None:
+    """Until a script's value is true. By the clock: Playwright's own way asks once a drawn frame, and most pages here draw none.
+
+    Raises:
+        playwright.sync_api.TimeoutError: it does not become true.
+    """
+    page.wait_for_function(condition, timeout=START * 1e3, polling=50)
+
+
+def wait_until_connected(page: Page) -> None:
+    """After opening it, or opening it again."""
+    wait(page, "['STOPPED', 'HOLD', 'ENGAGED'].includes(document.querySelector('#teleop')?.dataset.state)")
+
+
 def click(page: Page, selector: str) -> None:
     """Without waiting for drawn frames, as page.click would."""
     page.locator(selector).evaluate("element => element.click()")

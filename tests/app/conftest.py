@@ -11,7 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from browser import CHROMIUM, FLAGS, NO_PICTURES, START, STOPWATCH, VIEW, Robot
+from browser import CHROMIUM, FLAGS, NO_PICTURES, STOPWATCH, VIEW, Robot, wait_until_connected
 from stand_ins import Hanging, eventually
 
 from app.simulation import Simulation
@@ -79,9 +79,7 @@ def pages(chromium: Browser, robot: Robot) -> Iterator[Callable[..., Page]]:
         page.add_init_script(f"{script}; {STOPWATCH}")
         page.on("pageerror", lambda error: errors.append(error))
         page.goto(robot.url + path)
-        page.wait_for_function(
-            "['STOPPED', 'HOLD', 'ENGAGED'].includes(document.querySelector('#teleop')?.dataset.state)", timeout=START * 1e3, polling=50
-        )
+        wait_until_connected(page)
         return page
 
     yield opened

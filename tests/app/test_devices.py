@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import NO_PICTURES, START, Robot, best_of_three, click, engage
+from browser import NO_PICTURES, Robot, best_of_three, click, engage, wait_until_connected
 from playwright.sync_api import Page
 from stand_ins import eventually
 
@@ -151,7 +151,7 @@ def test_a_foot_pedal_that_is_a_pad_learns_what_it_does_and_keeps_it(pages, robo
     eventually(lambda: "axis 0 from 1" in page.locator("[data-learn=forward]").inner_text())
     click(page, "#help-button")
     page.reload()
-    page.wait_for_function("document.querySelector('#teleop')?.dataset.state", timeout=START * 1e3)
+    wait_until_connected(page)
     page.evaluate("pad([1, 0], [], '')")
     time.sleep(0.5)
     walking(page, robot, lambda: pad(page, -1, 0, mapping=""), lambda: pad(page, 1, 0, mapping=""))

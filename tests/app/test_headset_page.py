@@ -10,7 +10,7 @@ import emulator
 import mujoco
 import numpy as np
 import pytest
-from browser import START, VIEW, Another, Robot
+from browser import START, VIEW, Another, Robot, wait
 from browser import engage as click_engage
 from stand_ins import eventually
 from websockets.sync.client import connect
@@ -98,9 +98,9 @@ def headset(chromium: Browser, robot: Robot) -> Iterator[Page]:
     page = context.new_page()
     page.on("pageerror", lambda error: errors.append(error))
     page.goto(robot.url + "/xr")
-    page.wait_for_function("document.querySelector('#enter:not([hidden])') && document.body.dataset.state !== 'LOST'", timeout=START * 1e3)
+    wait(page, "document.querySelector('#enter:not([hidden])') && document.body.dataset.state !== 'LOST'")
     page.locator("#enter").evaluate("button => button.click()")
-    page.wait_for_function("/[1-9]\\d* packets a second/.test(document.querySelector('#packets').textContent)", timeout=START * 1e3)
+    wait(page, "/[1-9]\\d* packets a second/.test(document.querySelector('#packets').textContent)")
     yield page
     context.close()
     assert errors == []
@@ -260,8 +260,8 @@ def test_flat_the_page_draws_the_robot(chromium: Browser, robot: Robot) -> None:
     context = chromium.new_context(viewport={"width": 200, "height": 160})
     page = context.new_page()
     page.goto(robot.url + "/xr")
-    page.wait_for_function("/preview/.test(document.querySelector('#support').textContent)", timeout=START * 1e3)
-    page.wait_for_function("document.querySelector('#picture').width !== 300", timeout=START * 1e3)  # drawn once, at its own size
+    wait(page, "/preview/.test(document.querySelector('#support').textContent)")
+    wait(page, "document.querySelector('#picture').width !== 300")  # drawn once, at its own size
     context.close()
 
 
