@@ -63,7 +63,7 @@ def save(path: Path, tensors: dict[str, Tensor], card: dict) -> None:
         aside.replace(target)
 
 
-def load(path: Path, expect: dict[str, object]) -> tuple[dict[str, Tensor], dict]:
+def load(path: Path, expect: Mapping[str, object]) -> tuple[dict[str, Tensor], dict]:
     """Tensors and card.
 
     Args:
@@ -78,7 +78,7 @@ def load(path: Path, expect: dict[str, object]) -> tuple[dict[str, Tensor], dict
     return _load(path, expect, safetensors.torch.load_file)
 
 
-def load_arrays(path: Path, expect: dict[str, object]) -> tuple[dict[str, np.ndarray], dict]:
+def load_arrays(path: Path, expect: Mapping[str, object]) -> tuple[dict[str, np.ndarray], dict]:
     """The same as numpy arrays, without torch."""
     import safetensors.numpy
 
@@ -112,7 +112,7 @@ def card(path: Path) -> dict:
     return told
 
 
-def _load(path: Path, expect: dict[str, object], read: Callable[[Path], dict[str, Any]]) -> tuple[dict[str, Any], dict]:
+def _load(path: Path, expect: Mapping[str, object], read: Callable[[Path], dict[str, Any]]) -> tuple[dict[str, Any], dict]:
     told = card(path)
     try:
         tensors = read(path)

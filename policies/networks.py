@@ -66,6 +66,11 @@ class Normaliser(nn.Module):
         mean = self._symmetric(x.mean(0))
         self.mean[mask], self.variance[mask] = mean[mask], (x.square().mean(0) - mean**2)[mask]
 
+    def magnify(self, mask: Tensor, factor: float) -> None:
+        """See the masked inputs [size] `factor` times as large."""
+        self.mean[mask] /= factor
+        self.variance[mask] /= factor**2
+
     def _symmetric(self, mean: Tensor) -> Tensor:
         return torch.cat([mean[: self._even], torch.zeros_like(mean[self._even :])])
 

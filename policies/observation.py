@@ -97,6 +97,16 @@ def layout(spec: RobotSpec) -> dict[str, Mirror]:
     return parts | past | {"latent": Mirror.pairs(LATENT // 2, 1)}
 
 
+def where(spec: RobotSpec, part: str) -> slice:
+    """The numbers of an observation that a part of the layout holds."""
+    start = 0
+    for name, mirror in layout(spec).items():
+        if name == part:
+            return slice(start, start + len(mirror.sign))
+        start += len(mirror.sign)
+    raise KeyError(part)
+
+
 def action_mirror(spec: RobotSpec) -> Mirror:
     """Mirror of the leg policy's action."""
     return joint_mirror(spec, spec.group("legs"))

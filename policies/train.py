@@ -5,6 +5,7 @@ examples, in order:
   teleop-train synthetic --out runs/synthetic.npz                  made-up teleoperation, no files needed
   teleop-train prior --clips runs/clips.npz --synthetic runs/synthetic.npz
   teleop-train walk --run runs/walk                                legs; the other trainings need no legs
+  teleop-train mean --weights runs/walk/walk.safetensors runs/more/walk.safetensors
   teleop-train curves --run runs/walk --out walk.png
 
 A training or a retargeting that was stopped goes on when it is given again.
@@ -27,6 +28,7 @@ from policies.motion.folder import RetargetConfig, retarget
 from policies.motion.synthetic import SyntheticConfig, synthesize
 from policies.ppo.config import WalkConfig
 from policies.ppo.curves import CurvesConfig, draw
+from policies.ppo.mean import MeanConfig, mean
 from policies.ppo.train import train
 from policies.prior import train as prior
 from robots.errors import RobotError
@@ -36,6 +38,7 @@ Task = (
     | Annotated[SyntheticConfig, tyro.conf.subcommand("synthetic")]
     | Annotated[prior.PriorConfig, tyro.conf.subcommand("prior")]
     | Annotated[WalkConfig, tyro.conf.subcommand("walk")]
+    | Annotated[MeanConfig, tyro.conf.subcommand("mean")]
     | Annotated[CurvesConfig, tyro.conf.subcommand("curves")]
 )
 
@@ -53,6 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 print(f"weights: {prior.train(config)}")
             case WalkConfig():
                 print(f"weights: {train(config)}")
+            case MeanConfig():
+                print(f"weights: {mean(config)}")
             case CurvesConfig():
                 print(draw(config))
     except (PolicyError, RobotError) as error:

@@ -20,7 +20,7 @@ from policies.errors import NothingToBeginWith, OtherMotions
 from policies.motion import reaches
 from policies.motion.clip import ClipSet
 from policies.networks import Actor, Critic
-from policies.observation import LATENT, action_mirror
+from policies.observation import action_mirror, where
 from policies.ppo.algorithm import PPO
 from policies.ppo.config import STAGES, WalkConfig
 from policies.ppo.env import WalkEnv
@@ -171,7 +171,7 @@ class Trainer:
             self._forget_latent()
 
     def _forget_latent(self) -> None:
-        latent = slice(self.env.observer.size - LATENT, self.env.observer.size)
+        latent = where(self.env.observer.spec, "latent")
         for network, seen in zip((self.actor, self.critic), self._sample(), strict=True):
             mask = network.inputs.basis[:, latent].abs().sum(-1) > 0
             network.normaliser.adopt(network.inputs(seen), mask)

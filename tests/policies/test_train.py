@@ -21,7 +21,7 @@ def test_help_names_every_step_and_gives_examples(capsys: pytest.CaptureFixture[
         main(["--help"])
     assert ended.value.code == 0
     told = capsys.readouterr().out
-    assert all(f"  teleop-train {step} --" in told for step in ("retarget", "synthetic", "prior", "walk", "curves"))
+    assert all(f"  teleop-train {step} --" in told for step in ("retarget", "synthetic", "prior", "walk", "mean", "curves"))
 
 
 @pytest.mark.parametrize(
