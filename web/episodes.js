@@ -13,6 +13,7 @@ const NEXT = { true: false, false: null, null: true };
 export class Episodes {
   #recording = null; // id of the open episode
   #since = 0;
+  #refreshes = 0;
   #list = [];
 
   // reset: puts the robot back, with a seed; resolves to whether it did.
@@ -59,8 +60,8 @@ export class Episodes {
   }
 
   async refresh() {
-    const all = await ask("/api/episodes").catch(() => null);
-    if (!all) return; // without a connection, which the page shows
+    const refresh = ++this.#refreshes, all = await ask("/api/episodes").catch(() => null);
+    if (!all || refresh !== this.#refreshes) return; // without a connection, which the page shows; or a later one tells more
     this.#list = all.filter((episode) => episode.ended !== "open");
     const { $ } = this, count = (success) => this.#list.filter((episode) => episode.success === success).length;
     const seconds = this.#list.reduce((sum, episode) => sum + episode.seconds, 0);

@@ -8,7 +8,20 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from browser import CALM, PICTURES_ON_DEMAND, SOON, VIEW, Another, Robot, best_of_three, click, engage, stopped_within, walk
+from browser import (
+    CALM,
+    PICTURES_ON_DEMAND,
+    SOON,
+    VIEW,
+    Another,
+    Robot,
+    best_of_three,
+    click,
+    engage,
+    stopped_within,
+    wait_until_connected,
+    walk,
+)
 from playwright.sync_api import Page
 from stand_ins import eventually
 
@@ -304,6 +317,7 @@ def test_a_phone_asks_for_the_legs_and_is_handed_them(pages, robot):
     engage(laptop, robot)
     phone.evaluate("localStorage.setItem('teleop name', 'Bo')")
     phone.reload()
+    wait_until_connected(phone)
     eventually(lambda: phone.locator("#take:not([hidden])").count())
     click(phone, "#crew-button")
     click(phone, "[data-role=legs] [data-do=ask]")
@@ -345,7 +359,7 @@ def test_the_page_places_every_body_where_mujoco_does(pages, robot):
 def test_an_episode_is_recorded_listed_played_back_and_deleted(pages, robot):
     page = pages()
     click(page, "#record")
-    eventually(lambda: robot.health["recording"])
+    eventually(lambda: robot.health["recording"] and page.locator("#endings:not([hidden])").count())
     time.sleep(1.0)
     page.locator("#label").evaluate("field => (field.value = 'a wave')")
     click(page, "#record")
