@@ -10,7 +10,6 @@ import numpy as np
 from policies.arm_model import ArmModel
 from policies.arm_solver import ArmSolver, Blocked
 from policies.detour import Detour
-from policies.feedforward import DOWN, Feedforward
 from policies.pose import wrist_poses
 from policies.scout import Scout
 from robots.catalog import Robot
@@ -54,13 +53,11 @@ class Reach:
         self._yaw = next((i for i, j in enumerate(motors) if j.group == "waist" and abs(j.axis[2]) > 0.5), None)
         self._scout = Scout(robot)
         self._detours = [Detour(self._scout, arm) for arm in range(2)]
-        self._feedforward = Feedforward(robot, dt)
         self.reset(spec.home[self._group])
 
     def reset(self, q: np.ndarray) -> None:
         """Start from joint angles q [n] of waist and arms, rad; they are the posture until `solve` moves them."""
         self._solver.place(q)
-        self._feedforward.reset(self._solver.q)
         self._targets = self._model.wrists().tolist()
         self._solver.gaps = [0.0] * 4
         for arm, detour in enumerate(self._detours):
@@ -114,15 +111,3 @@ class Reach:
         """Wrist poses [2, 7] in the pelvis frame at joint angles q [n] of waist and arms, rad."""
         self._still.pose(q)
         return self._still.wrists()
-
-    def lead(self, gravity: np.ndarray = DOWN, measured: tuple[np.ndarray, np.ndarray] | None = None) -> np.ndarray:
-        """What to add to `Reached.q` so that the motors are there in time and do not swing [n], rad; once after each `solve`.
-
-        gravity: what pulls at the arms, in the pelvis frame [3], g: `State.gravity` for a pelvis at rest. measured: angles [n], rad, and
-        speeds [n], rad/s, of waist and arms now.
-        """
-        return self._feedforward.step(self._solver.q, gravity, measured)
-
-    def sag(self, q: np.ndarray, gravity: np.ndarray = DOWN) -> np.ndarray:
-        """What to add to joint targets q [n] so that the motors hold q against gravity, standing still [n], rad."""
-        return self._feedforward.sag(q, gravity)

@@ -9,17 +9,15 @@ from time import perf_counter
 import numpy as np
 
 from policies.command import Command
+from policies.feedforward import Feedforward
 from policies.hand_model import drive_range
 from policies.interpolator import Interpolator
 from policies.observation import LATENT
 from policies.reach import Reach, Reached
 from policies.walk import Walk
 from robots.catalog import Robot
-from robots.state import GRAVITY, State
+from robots.state import State
 from robots.target import Target
-
-SHOCK = 1.0
-"""The arms make up for so much of the pelvis's acceleration at most, an axis [g]."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +50,10 @@ class WholeBody:
         self._spec = spec = robot.spec
         self._reach = Reach(robot, dt=1 / spec.policy_rate)
         self._interpolator = Interpolator(self._reach.forward(spec.home[spec.group("waist", "arms")]), 1 / spec.policy_rate)
+        self._feedforward = Feedforward(robot)
         self._walk = Walk(robot, walk, others=others)
         self._upper, self._hands, self._neck = spec.group("waist", "arms"), spec.group("hands"), spec.group("neck")
         self._open, self._closed = drive_range(spec)
-        self._velocity = np.zeros(3)
         self.trace = Trace(
             np.zeros(self._walk.observer.size, np.float32), np.zeros(LATENT, np.float32), np.zeros(12, np.float32),
             self._reach.solve(self._reach.forward(spec.home[self._upper])), 0.0, 0.0,
@@ -69,20 +67,20 @@ class WholeBody:
         """Forget the past; the arms start from where they are."""
         self._reach.reset(state.q[self._upper])
         self._interpolator.reset(self._reach.forward(state.q[self._upper]))
+        self._feedforward.reset()
         self._walk.reset(state.q[None, self._upper])
-        self._velocity = state.velocity
 
     def act(self, state: State, command: Command) -> Target:
         """Targets of all motors [41]."""
         began = perf_counter()
         reached = self._reach.solve(self._interpolator.step(command.wrists), command.waist)
         solved = perf_counter()
-        spec, q = self._spec, self._spec.home.copy()
-        q[self._upper] = reached.q + self._reach.lead(self._felt(state), (state.q[self._upper], state.dq[self._upper]))
+        spec, q, alone = self._spec, self._spec.home.copy(), _alone(state)
+        q[self._upper] = self._feedforward.step(reached.q[None], alone)[0]
         q[self._hands] = self._open + command.hands.ravel() * (self._closed - self._open)
         q[self._neck] = command.neck
         posture = np.array([[command.height, command.roll, command.pitch]])
-        q[spec.group("legs")] = self._walk.act(_alone(state), command.twist[None], posture, reached.q[None])[0]
+        q[spec.group("legs")] = self._walk.act(alone, command.twist[None], posture, reached.q[None])[0]
         done = perf_counter()
         self.trace = Trace(
             self._walk.observation[0],
@@ -93,12 +91,6 @@ class WholeBody:
             1e3 * (done - solved),
         )
         return Target(np.clip(q, spec.lower, spec.upper))
-
-    def _felt(self, state: State) -> np.ndarray:
-        """What pulls at the arms, as an accelerometer in the pelvis feels it over a tick: gravity less the pelvis's acceleration [3], g."""
-        acceleration = (state.velocity - self._velocity) * self._spec.policy_rate / GRAVITY
-        self._velocity = state.velocity
-        return state.gravity - np.clip(state.in_pelvis(acceleration), -SHOCK, SHOCK)
 
 
 def _alone(state: State) -> State:

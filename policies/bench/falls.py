@@ -16,6 +16,7 @@ from policies.bench.motions import motions
 from policies.bench.tracking import fallen
 from policies.commit import commit
 from policies.envelope import HEIGHT, TWIST, next_posture, next_twist
+from policies.feedforward import Feedforward
 from policies.motion.clip import ClipSet
 from policies.motion.playback import Playback
 from policies.walk import Walk
@@ -69,6 +70,7 @@ def drive(robot: Robot, policy: str, clips: ClipSet, config: FallsBench) -> dict
     """Robots that fall stand up again at home and go on; commands change as fast as the guard lets an operator's."""
     n, dt, rng = config.robots, 1 / robot.spec.policy_rate, np.random.default_rng(config.seed)
     fleet, walk, playback = Fleet(robot, n), Walk(robot, policy, n), Playback(robot.spec, clips, n, rng, alpha=1.0)
+    arms = Feedforward(robot, n)
     playback.adaptive = False
     everyone = np.ones(n, bool)
     fleet.reset(everyone)
@@ -83,12 +85,13 @@ def drive(robot: Robot, policy: str, clips: ClipSet, config: FallsBench) -> dict
         goal[new & (rng.random(n) < STAND), :3] = 0
         left[new] = rng.uniform(2, 8, int(new.sum()))
         twist, posture, upper = next_twist(twist, goal[:, :3], dt), next_posture(posture, goal[:, 3:], dt), playback.step()
-        state = fleet.step(np.concatenate([walk.act(state, twist, posture, upper), upper], -1))
+        state = fleet.step(np.concatenate([walk.act(state, twist, posture, upper), arms.step(upper, state)], -1))
         metres += float(np.linalg.norm(state.velocity[:, :2], axis=-1).sum()) * dt
         down = fallen(state, fleet)
         if down.any():
             falls += int(down.sum())
             fleet.reset(down)
+            arms.reset(down)
             playback.reset(down, down)
             walk.reset(np.tile(playback.home, (n, 1)), down)
             twist[down], posture[down], left[down] = 0, home, 0

@@ -13,6 +13,7 @@ from rich.table import Table
 from policies import checkpoint
 from policies.bench.tracking import fallen
 from policies.commit import commit
+from policies.feedforward import Feedforward
 from policies.gait import PERIOD
 from policies.picture import canvas
 from policies.walk import Walk
@@ -82,7 +83,7 @@ def push(robot: Robot, policy: str, config: PushBench, speed: float) -> tuple[di
     """Ten robots, each pushed once at its own moment of the gait cycle: means over those that stayed upright, and what each of these did
     from the push on [upright, ticks, 5], as `_one` takes it."""
     n, dt = config.pushes, 1 / robot.spec.policy_rate
-    fleet, walk = Fleet(robot, n), Walk(robot, policy, n)
+    fleet, walk, arms = Fleet(robot, n), Walk(robot, policy, n), Feedforward(robot, n)
     force = fleet.batch.bind("xfrc_applied").reshape(n, -1, 6)[:, fleet.model.body("torso_link").id]
     fleet.reset(np.ones(n, bool))
     upper = np.tile(robot.spec.home[robot.spec.group("waist", "arms")], (n, 1))
@@ -94,7 +95,7 @@ def push(robot: Robot, policy: str, config: PushBench, speed: float) -> tuple[di
     for tick in range(round((BEFORE + PERIOD + AFTER) / dt)):
         time = tick * dt
         force[:, 0] = config.force * direction * ((time >= first) & (time < first + config.seconds))
-        state = fleet.step(np.concatenate([walk.act(state, twist, posture, upper), upper], -1))
+        state = fleet.step(np.concatenate([walk.act(state, twist, posture, upper), arms.step(upper, state)], -1))
         upright &= ~fallen(state, fleet)
         roll, pitch = state.roll_pitch.T
         rate = np.cos(roll) * state.gyro[:, 1] - np.sin(roll) * state.gyro[:, 2]

@@ -13,6 +13,7 @@ import numpy as np
 
 from policies.bench.key_points import KeyPoints
 from policies.envelope import HEIGHT, TWIST
+from policies.feedforward import Feedforward
 from policies.motion.clip import Clip, ClipSet
 from policies.observation import ACTION_SCALE
 from policies.walk import Walk
@@ -111,7 +112,7 @@ class _Tracking:
         )
         self._clipped = float(np.mean([motion.clipped for motion in motions]))
         self._points, self._fleet = KeyPoints(robot), Fleet(robot, n)
-        self._walk = Walk(robot, policy, n)
+        self._walk, self._arms = Walk(robot, policy, n), Feedforward(robot, n)
         self._alive = np.ones(n, bool)
         self._sums: dict[str, np.ndarray] = {}
         self._counts = np.zeros(n)
@@ -138,7 +139,7 @@ class _Tracking:
         before, posture = self._state, np.zeros((n, 3))
         posture[:, 0] = np.clip(self._height[tick], *HEIGHT)
         legs = self._walk.act(before, twist, posture, q)
-        self._state = state = self._fleet.step(np.concatenate([legs, q], -1))
+        self._state = state = self._fleet.step(np.concatenate([legs, self._arms.step(q, before)], -1))
         counted = self._alive & (tick < self._lengths)
         self._alive &= ~(fallen(state, self._fleet) & counted)
         now = counted & self._alive

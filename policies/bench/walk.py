@@ -12,6 +12,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from policies.commit import commit
+from policies.feedforward import Feedforward
 from policies.motion.reaches import Reaches
 from policies.walk import Walk
 from robots import catalog
@@ -74,6 +75,7 @@ def rollout(robot: Robot, config: WalkBench, command: str, push: float) -> dict:
     n, dt = config.robots, 1 / robot.spec.policy_rate
     rng = np.random.default_rng([config.seed, list(COMMANDS).index(command), round(100 * push)])
     fleet, walk, reaches = Fleet(robot, n), Walk(robot, config.policy, n), Reaches(robot.spec, n, dt, rng)
+    arms = Feedforward(robot, n)
     reaches.amplitude[:] = config.alpha
     everyone = np.ones(n, bool)
     fleet.reset(everyone)
@@ -89,7 +91,7 @@ def rollout(robot: Robot, config: WalkBench, command: str, push: float) -> dict:
             fleet.qvel[:, 1] += push * np.sin(angle)
         before = state.dq[:, legs]
         upper = reaches.step()
-        state = fleet.step(np.concatenate([walk.act(state, twist, posture, upper), upper], -1))
+        state = fleet.step(np.concatenate([walk.act(state, twist, posture, upper), arms.step(upper, state)], -1))
         upright &= ~state.fallen(LOWEST) & fleet.finite
         if tick * dt >= SETTLE:
             velocity = np.column_stack([state.heading_velocity, state.yaw_rate])

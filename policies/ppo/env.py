@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from policies.envelope import HEIGHT, POSTURE, TWIST, next_posture
+from policies.feedforward import Feedforward
 from policies.gait import PERIOD, Gait
 from policies.motion.clip import ClipSet
 from policies.motion.playback import Playback
@@ -80,6 +81,7 @@ class WalkEnv:
         self.stance = Stance(robot)
         self.playback = Playback(robot.spec, motions, count, self.rng, fastest=HURRY)
         self._latent, self._rewards = Latent(robot.spec, prior, count), Rewards(robot.spec)
+        self._arms, self._state = Feedforward(robot, count), self.fleet.state()
         self._upper = np.tile(self.playback.home, (count, 1))
         self.penalty = 0.1
         self.stage = Stage("none", 0)
@@ -112,7 +114,8 @@ class WalkEnv:
         self._actions = (action, *self._actions[:2])
         acted = np.where(self._late[:, None], self._actions[1], action)
         before = self.fleet.qvel[:, self.fleet.senses.dq[self._legs]].copy()
-        state = self.fleet.step(np.concatenate([leg_targets(self.spec, self.stance(self._posture), acted), self._upper], -1))
+        legs, arms = leg_targets(self.spec, self.stance(self._posture), acted), self._arms.step(self._upper, self._state)
+        state = self.fleet.step(np.concatenate([legs, arms], -1))
         acceleration = (state.dq[:, self._legs] - before) / self.dt
         self.gait.step(state, self.twist)
         self.age += 1
@@ -209,6 +212,7 @@ class WalkEnv:
         fleet.qvel[mask, :3] = rng.uniform(-0.2, 0.2, (n, 3))
         self.gait.reset(mask)
         self.observer.reset(mask)
+        self._arms.reset(mask)
         if self.stage.arms:
             self.playback.reset(mask, fell)
         self._latent.reset(mask, np.tile(self.playback.home, (self.count, 1)))
@@ -221,6 +225,7 @@ class WalkEnv:
         self._since_push[mask] = 10
 
     def _observe(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        self._state = state
         if self.stage.arms:
             self._upper = self.playback.step()  # where the arms go in the tick that this observation decides
         seen = replace(state, **{k: getattr(state, k) + self.rng.uniform(-w, w, getattr(state, k).shape) for k, w in NOISE.items()})
