@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from policies.bench.reach import _Bench
-from policies.feedforward import Feedforward
 from policies.reach import Reach
 from robots.catalog import load
 
@@ -201,80 +200,3 @@ def test_an_overlapping_body_comes_apart(reach: Reach) -> None:
     assert before < -0.005, "the hands start inside each other"
     settle(reach, reach.forward(HOME), seconds=1)
     assert reach._model.clearance() >= 0.004
-
-
-class Hung:
-    """The robot hung up by its pelvis, arms simulated."""
-
-    def __init__(self) -> None:
-        spec = ROBOT.build("training")
-        spec.compiler.fusestatic = False
-        for row in [*spec.keys, *(j for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE)]:
-            spec.delete(row)
-        spec.body("pelvis").pos = 0, 0, 2
-        self.model = spec.compile()
-        self.data = mujoco.MjData(self.model)
-        self.at = [self.model.joint(name).qposadr[0] for name in SPEC.motor_names[: self.model.nu]]
-        self.data.qpos[self.at] = SPEC.home[: self.model.nu]
-        self.data.ctrl[:] = SPEC.home[: self.model.nu]
-
-    @property
-    def measured(self) -> tuple[np.ndarray, np.ndarray]:
-        """The arms' angles [15], rad, and speeds [15], rad/s."""
-        at = [self.model.joint(name).dofadr[0] for name in SPEC.motor_names[GROUP]]
-        return self.data.qpos[self.at][GROUP], self.data.qvel[at]
-
-    def step(self, arms: np.ndarray) -> np.ndarray:
-        """One tick; returns the arms' angles [15]."""
-        self.data.ctrl[GROUP] = arms
-        mujoco.mj_step(self.model, self.data, nstep=4)
-        return self.data.qpos[self.at][GROUP]
-
-
-def gap(reach: Reach, q: np.ndarray, wrists: np.ndarray) -> float:
-    return float(np.linalg.norm(reach.forward(q)[:, :3] - wrists[:, :3], axis=1).max())
-
-
-def test_sag_holds_the_wrists_up(reach: Reach) -> None:
-    wrists = moved(reach.forward(HOME), 0, 0.2, 0.1, 0.2)
-    q = settle(reach, wrists).q
-    errors = {}
-    for name, extra in (("soft", 0.0), ("held", reach.sag(q))):
-        hung = Hung()
-        for _ in range(200):
-            actual = hung.step(q + extra)
-        errors[name] = gap(reach, actual, wrists)
-    assert errors["soft"] > 0.015
-    assert errors["held"] < 0.001
-
-
-def test_lead_brings_the_wrists_there_in_time(reach: Reach) -> None:
-    home, hung, feedforward = reach.forward(HOME), Hung(), Feedforward(ROBOT)
-    for _ in range(150):
-        hung.step(HOME + feedforward.step(HOME))
-    for tick in range(50):
-        target = moved(home, 0, *(np.array([0.15, 0.05, 0.2]) * min(1.0, tick / 15)))
-        actual = hung.step(reach.solve(target).q + reach.lead())
-    assert gap(reach, actual, target) < 0.01
-
-
-def test_an_arm_that_was_struck_is_calmed_by_what_is_measured() -> None:
-    swing = {}
-    for calmed in (False, True):
-        hung, feedforward = Hung(), Feedforward(ROBOT)
-        for tick in range(100):
-            if tick == 50:
-                hung.data.qvel[[hung.model.joint(f"{side}_shoulder_pitch_joint").dofadr[0] for side in ("left", "right")]] = 3.0
-            actual = hung.step(HOME + feedforward.step(HOME, measured=hung.measured if calmed else None))
-            if tick == 75:
-                swing[calmed] = 0.0
-            if tick > 75:
-                swing[calmed] = max(swing[calmed], float(np.abs(actual - HOME).max()))
-    assert swing[False] > 0.02, "by itself it swings on"
-    assert swing[True] < swing[False] / 4
-
-
-def test_sag_follows_a_leaning_pelvis(reach: Reach) -> None:
-    upright, head_down = reach.sag(HOME), reach.sag(HOME, gravity=np.array([0.0, 0.0, 1.0]))
-    assert head_down == pytest.approx(-upright)
-    assert np.abs(upright).max() > 0.01

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from policies import whole_body
+from policies import feedforward
 from policies.arm_model import ArmModel
 from policies.command import Command
 from policies.whole_body import WholeBody
@@ -72,7 +72,7 @@ def test_what_the_pelvis_feels_keeps_the_wrists_quiet_under_steps(robot, monkeyp
     """Held at home while walking, as the wrists' distance from there in the pelvis frame [mm]."""
     sway = {}
     for felt in (1.0, 0.0):
-        monkeypatch.setattr(whole_body, "SHOCK", felt)
+        monkeypatch.setattr(feedforward, "SHOCK", felt)
         robot.policy.reset(robot.state)
         states = robot.run(4, replace(robot.home, twist=np.array([0.5, 0, 0])))[100:]
         arms, wanted = ArmModel(robot.robot), robot.home.wrists[:, :3]
