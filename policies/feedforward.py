@@ -17,9 +17,10 @@ from robots.state import GRAVITY, State
 STIFF, CALM = 80.0, 8.0
 """Accelerations against a deviation [1/s^2] and against its speed [1/s], beside the motor's own. With CALM at 12, fast motions of a
 walking robot shake themselves up: what is measured is a tick old, and the pelvis gives way."""
-WAIST = 0.45
-"""Share of the trunk's inertia that the waist's motor feels, for it turns the pelvis as much as the trunk. From 0.8 on the two twist each
-other to and fro; with 1 for what is known in advance and 0.3 for what is corrected, a robot that dances turns a quarter more."""
+WAIST = 0.75, 0.45
+"""Shares of the waist's accelerations, known in advance and corrected: its motor turns the pelvis as much as the trunk, so the trunk's
+inertia counts in part. More of the first shakes a robot that dances, less of it leaves the wrists behind; from 0.6 of the second on,
+trunk and pelvis twist each other to and fro."""
 SHOCK = 1.0
 """The arms make up for so much of the pelvis's acceleration at most, an axis [g]."""
 
@@ -35,7 +36,7 @@ class Feedforward:
         spec, self._group = robot.spec, robot.spec.group("waist", "arms")
         self._model, self._rate = ArmModel(robot), robot.spec.policy_rate
         motors = spec.motors[self._group]
-        self._trust = np.array([WAIST if j.group == "waist" else 1.0 for j in motors])
+        self._known, self._corrected = np.array([WAIST if j.group == "waist" else (1.0, 1.0) for j in motors]).T
         self._kp, self._kd, self._effort = (np.array([getattr(j, key) for j in motors]) for key in ("kp", "kd", "effort"))
         self._lower, self._upper = spec.lower[self._group], spec.upper[self._group]
         self._q, self._speed = np.zeros((2, count, len(motors)))
@@ -53,10 +54,10 @@ class Feedforward:
         fresh = self._fresh
         self._q[fresh], self._speed[fresh], self._velocity[fresh] = q[fresh], 0, state.velocity[fresh]
         speed = (q - self._q) * self._rate
-        acceleration = (speed - self._speed) * self._rate
+        acceleration = self._known * (speed - self._speed) * self._rate
         now = (self._q + q) / 2  # a target holds for a whole tick, so a joint that keeps up is half a tick behind its next one
-        acceleration += STIFF * (now - state.q[:, self._group]) + CALM * (speed - state.dq[:, self._group])
-        torque = self._torques(q, speed, self._trust * acceleration, self._felt(state))
+        acceleration += self._corrected * (STIFF * (now - state.q[:, self._group]) + CALM * (speed - state.dq[:, self._group]))
+        torque = self._torques(q, speed, acceleration, self._felt(state))
         self._q, self._speed, self._velocity = q.copy(), speed, state.velocity.copy()
         fresh[:] = False
         offset = (np.clip(torque, -self._effort, self._effort) + self._kd * speed) / self._kp
