@@ -1,7 +1,8 @@
 """Robots that play recorded motions while walking as the person did, and the paper's measures of it (section IV-A).
 
 Each motion is played several times from slightly different starts, with the commands of its own base, clipped to the trained range,
-until its end, 20 s or a fall. Deterministic policy, nominal physics, no sensor noise. Means over a rollout's time, then over rollouts.
+until its end, 20 s or a fall. The arms' motors are told what the live robot's are. Deterministic policy, nominal physics, no sensor
+noise. Means over a rollout's time, then over rollouts.
 """
 
 from __future__ import annotations
