@@ -15,6 +15,7 @@ from policies.errors import DamagedWeights, NothingToBeginWith, OtherMotions, Wr
 from policies.motion import reaches
 from policies.ppo.algorithm import PPOConfig, advantages, log_prob
 from policies.ppo.config import STAGES, WalkConfig
+from policies.ppo.env import Stage, WalkEnv
 from policies.ppo.train import train
 from policies.ppo.trainer import Trainer
 from policies.prior.errors import OtherTraining
@@ -76,6 +77,17 @@ def test_weights_of_other_networks_and_cards_without_a_prior_are_refused(tiny, t
     checkpoint.save(other, tensors | {"log_deviation": torch.zeros(5)}, card)
     with pytest.raises(WrongWeights, match=r"'log_deviation' is \(5,\), not \(6,\)"):
         Walk(robot, str(other))
+
+
+def test_in_training_the_arms_are_held_by_the_live_robots_law():
+    """Arms that shall rest are where they shall be; bare motors let them hang."""
+    robot = catalog.load("h1")
+    env = WalkEnv(robot, reaches.clips(robot.spec, 2, np.random.default_rng(0)), None, count=4, seed=0, threads=1)
+    env.start(Stage("still", 1e6, stand=1.0, push=0.0, arms=False))
+    for _ in range(40):
+        env.step(np.zeros((4, 12)))
+    arms = robot.spec.group("waist", "arms")
+    assert np.abs(env.fleet.state().q[:, arms] - robot.spec.home[arms]).mean() < 0.006
 
 
 def test_an_update_moves_the_policy_by_about_the_wanted_divergence(tmp_path):
