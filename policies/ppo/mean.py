@@ -63,7 +63,7 @@ def mean(config: MeanConfig) -> Path:
     sideways = where(spec, "twist").start + 1
     actor.normaliser.magnify(actor.inputs.basis[:, sideways] != 0, config.sideways)
     mean_of = [
-        {"weights": checkpoint.title(name), "share": round(share, 4)} | {k: v for k, v in card.items() if k not in same | {"name": ""}}
+        {"weights": checkpoint.title(name), "share": round(share, 4)} | {k: v for k, v in card.items() if k not in (*same, "name")}
         for name, share, card in zip(config.weights, shares, cards, strict=True)
     ]
     card = same | {"name": config.out.stem, "mean_of": mean_of, "sideways": config.sideways, "commit": commit()}

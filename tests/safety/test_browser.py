@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from browser import CHROMIUM, FLAGS, NO_PICTURES, VIEW, wait_until_connected
+from browser import CHROMIUM, FLAGS, NO_PICTURES, VIEW, wait
 from playwright.sync_api import sync_playwright
 from program import Program
 
@@ -27,7 +27,7 @@ def test_a_browser_enters_by_the_address_with_the_token_and_the_page_works(tmp_p
             page = context.new_page()
             page.add_init_script(NO_PICTURES)
             page.goto(f"{program.url}/?token={token}")
-            wait_until_connected(page)
+            wait(page, "document.querySelector('#teleop')?.dataset.state === 'STOPPED'")
             assert token not in page.url
             assert page.evaluate("document.cookie") == ""
             (cookie,) = context.cookies()
